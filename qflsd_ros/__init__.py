@@ -1,0 +1,1 @@
+"""Line segments from any camera, fisheye included, without a calibration (QF-LSD)."""

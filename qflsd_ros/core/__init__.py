@@ -1,0 +1,17 @@
+"""
+The QF-LSD line detector, without ROS: numpy, OpenCV and numba alone.
+
+>>> import numpy as np
+>>> from qflsd_ros.core import Detector
+>>> gray = np.zeros((120, 160), np.uint8)
+>>> gray[60:] = 200
+>>> arcs = Detector().detect(gray)
+>>> len(arcs)
+1
+"""
+from qflsd_ros.core.arcs import Arcs
+from qflsd_ros.core.detector import Detector
+from qflsd_ros.core.distortion import DivisionModel
+from qflsd_ros.core.parameters import Parameters
+
+__all__ = ['Arcs', 'Detector', 'DivisionModel', 'Parameters']

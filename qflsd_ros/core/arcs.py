@@ -1,0 +1,121 @@
+"""The detector's result: a table with a row for every arc, and the pixels behind each."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+TABLE = np.dtype([
+    ('start', np.float64, 2),       # px, on the fitted arc
+    ('middle', np.float64, 2),      # px, halfway along the fitted arc
+    ('end', np.float64, 2),         # px, on the fitted arc
+    ('curvature', np.float64),      # 1/px, > 0 where travel turns from the x axis to the y axis
+    ('length', np.float64),         # px, along the arc
+    ('rms', np.float64),            # px, of the distances of the edge points from the arc
+    ('support', np.int32),          # number of edge points that belong to the arc
+])
+
+
+@dataclass(frozen=True)
+class Arcs:
+    """
+    The arcs of one image.
+
+    Coordinates are float pixels, x right, y down; (0, 0) is the centre of the top-left pixel.
+    Travel along an arc goes from start to end.
+
+    Attributes
+    ----------
+    table
+        Structured array (M,) of dtype :data:`TABLE`, a row for every arc.
+    edge_points
+        (N, 2) float64, the subpixel edge points of all arcs, in order along each of them.
+    edge_pixels
+        (N, 2) int32, the pixels x, y at which those edge points were found.
+    offsets
+        (M + 1,) int64: rows ``offsets[i]`` to ``offsets[i + 1]`` of both belong to arc i.
+
+    """
+
+    table: np.ndarray
+    edge_points: np.ndarray
+    edge_pixels: np.ndarray
+    offsets: np.ndarray
+
+    @classmethod
+    def empty(cls) -> Arcs:
+        """Return a result without any arc."""
+        return cls(np.zeros(0, TABLE), np.zeros((0, 2)), np.zeros((0, 2), np.int32),
+                   np.zeros(1, np.int64))
+
+    def __len__(self) -> int:
+        """Return the number of arcs."""
+        return len(self.table)
+
+    def pixels(self, i: int) -> np.ndarray:
+        """Return the chain behind arc i: (support, 2) int32, x and y, in order along the arc."""
+        return self.edge_pixels[self._rows(i)]
+
+    def points(self, i: int) -> np.ndarray:
+        """Return the subpixel edge points behind arc i: (support, 2) float64 px."""
+        return self.edge_points[self._rows(i)]
+
+    def _rows(self, i: int) -> slice:
+        i = range(len(self))[i]
+        return slice(self.offsets[i], self.offsets[i + 1])
+
+    def vertices(self, tolerance: float = 0.1) -> tuple[np.ndarray, np.ndarray]:
+        """
+        Approximate all arcs by polylines, laid one behind the other.
+
+        Parameters
+        ----------
+        tolerance
+            Largest distance in px between an arc and the chords of its polyline, > 0.
+
+        Returns
+        -------
+        points
+            (N, 2) float64 px, on the fitted arcs.
+        counts
+            (M,) int64, the number of points of each arc, at least 2; exactly 2 where the arc is
+            straight to within the tolerance.
+
+        """
+        if not tolerance > 0:
+            raise ValueError(f'tolerance is {tolerance}: must be above 0 px')
+        length, curvature = self.table['length'], self.table['curvature']
+        turn = curvature * length
+        # The sagitta of a chord that turns by t is (1 - cos(t / 2)) / |curvature|.
+        bow = np.clip(1 - tolerance * np.abs(curvature), -1, 1)
+        most = np.maximum(2 * np.arccos(bow), 1e-12)
+        counts = 1 + np.maximum(1, np.ceil(np.abs(turn) / most)).astype(np.int64)
+        first = np.cumsum(counts) - counts
+        owner = np.repeat(np.arange(len(counts)), counts)
+        share = (np.arange(len(owner)) - first[owner]) / (counts - 1)[owner]
+        return self._at(owner, share), counts
+
+    def _at(self, owner: np.ndarray, share: np.ndarray) -> np.ndarray:
+        """Return the points at given shares (0 to 1) of the lengths of given arcs."""
+        table = self.table
+        chord = table['end'] - table['start']
+        size = np.maximum(np.hypot(chord[:, 0], chord[:, 1]), 1e-300)
+        along = chord / size[:, None]
+        turn = table['curvature'] * table['length']
+        # In the frame of the chord, the arc starts at the angle -turn / 2.
+        half, angle = turn[owner] / 2, share * turn[owner]
+        straight = np.abs(half) < 1e-9
+        scale = size[owner] / np.where(straight, 1, 2 * np.sin(np.where(straight, 1, half)))
+        x = np.where(straight, share * size[owner], scale * (np.sin(angle - half) + np.sin(half)))
+        y = np.where(straight, 0, scale * (np.cos(half) - np.cos(angle - half)))
+        u = along[owner]
+        return table['start'][owner] + np.c_[x * u[:, 0] - y * u[:, 1], x * u[:, 1] + y * u[:, 0]]
+
+    def polylines(self, tolerance: float = 0.1) -> list[np.ndarray]:
+        """
+        Return every arc as a polyline: a list of (K, 2) float64 arrays, in px.
+
+        K is 2 for what is straight to within ``tolerance`` px.
+        """
+        points, counts = self.vertices(tolerance)
+        return np.split(points, np.cumsum(counts)[:-1]) if len(self) else []

@@ -1,0 +1,114 @@
+"""
+The detector's parameters: the only place where they are defined.
+
+ROS descriptors, command-line flags and ``config/detector.yaml`` are made from this dataclass.
+"""
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from typing import Any
+
+METHODS = ('arcs', 'paper')
+
+
+def parameter(default: Any, description: str, unit: str = '',
+              low: float | None = None, high: float | None = None,
+              choices: tuple[str, ...] = ()) -> Any:
+    """
+    Declare a dataclass field that knows what it means and which values it takes.
+
+    Numbers lie in ``low`` to ``high`` (both included), strings are one of ``choices``.
+    """
+    return dataclasses.field(default=default, metadata={
+        'description': description, 'unit': unit, 'low': low, 'high': high, 'choices': choices})
+
+
+def check(owner: Any) -> None:
+    """
+    Check every field of a dataclass made of :func:`parameter` fields, converting int to float.
+
+    Raises ``TypeError`` for a value of another type than the default's and ``ValueError`` for one
+    out of range; both name the field, the value and what would be right.
+    """
+    for field in dataclasses.fields(owner):
+        value = _of_type(field, getattr(owner, field.name))
+        object.__setattr__(owner, field.name, value)
+        choices, low, high = (field.metadata[key] for key in ('choices', 'low', 'high'))
+        if choices and value not in choices:
+            raise ValueError(f'{field.name} is {value!r}: must be one of {", ".join(choices)}')
+        if low is not None and not low <= value <= high:
+            unit = f' {field.metadata["unit"]}' if field.metadata['unit'] else ''
+            raise ValueError(f'{field.name} is {value}: must lie in {low} to {high}{unit}')
+
+
+def _of_type(field: dataclasses.Field[Any], value: Any) -> Any:
+    wanted = type(field.default)
+    if wanted is float and isinstance(value, int) and not isinstance(value, bool):
+        value = float(value)
+    if type(value) is not wanted:
+        raise TypeError(f'{field.name} is {value!r}, of type {type(value).__name__}: '
+                        f'must be of type {wanted.__name__}')
+    if wanted is float and not math.isfinite(value):
+        raise ValueError(f'{field.name} is {value}: must be finite')
+    return value
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """
+    What a user can set of the detector.
+
+    Every field carries its unit, range and one sentence in ``dataclasses.fields(...).metadata``.
+
+    Raises
+    ------
+    ValueError
+        A value is out of its range, or two values contradict each other.
+    TypeError
+        A value has another type than its default.
+
+    """
+
+    method: str = parameter(
+        'arcs', 'Algorithm: arcs (this package) or paper (Algorithms 1 to 3 as printed, slow).',
+        choices=METHODS)
+    blur_sigma: float = parameter(
+        0.6, 'Standard deviation of the Gaussian blur before the gradients; 0 leaves it out.',
+        'px', 0.0, 5.0)
+    contrast_high: float = parameter(
+        15.0, 'Step across an edge from which on it starts a contour.', 'grey levels', 1.0, 255.0)
+    contrast_low: float = parameter(
+        5.0, 'Step across an edge down to which a contour that has started goes on.',
+        'grey levels', 0.5, 255.0)
+    tolerance: float = parameter(
+        0.7, 'Largest distance of an edge pixel from the arc that it belongs to.',
+        'px', 0.1, 10.0)
+    min_length: float = parameter(
+        15.0, 'Shortest arc reported.', 'px', 3.0, 10000.0)
+    max_gap: float = parameter(
+        40.0, 'Longest gap between two pieces of one arc; 0 leaves joining out.',
+        'px', 0.0, 1000.0)
+    confidence: float = parameter(
+        0.99, 'Probability of finding the longest arc of a contour, 1 - P^K of equation (12).',
+        '', 0.5, 0.9999)
+    max_hypotheses: int = parameter(
+        200, 'Most hypotheses tried on one contour, whatever the confidence asks for.',
+        '', 1, 100000)
+    seed: int = parameter(
+        0, 'Start of the pseudo-random sampling; the same seed gives the same arcs.',
+        '', 0, 2147483647)
+    paper_epsilon: float = parameter(
+        100.0, 'Only for method paper: bound epsilon on the algebraic error E of equation (10).',
+        'px^2', 0.001, 1000000.0)
+    paper_min_contour: float = parameter(
+        0.05, 'Only for method paper: shortest contour as a share of the image size (Step 1).',
+        'of width + height', 0.0, 1.0)
+
+    def __post_init__(self) -> None:
+        """Check types, ranges and consistency."""
+        check(self)
+        if self.contrast_low > self.contrast_high:
+            raise ValueError(f'contrast_low is {self.contrast_low}: must not exceed '
+                             f'contrast_high, which is {self.contrast_high} grey levels')
