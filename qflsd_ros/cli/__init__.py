@@ -1,0 +1,1 @@
+"""The commands: detect (files, without ROS) and demo (a first look, live)."""
