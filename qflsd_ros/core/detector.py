@@ -1,1 +1,142 @@
-"""Image to arcs: the Steps 1 to 6 of the paper in order."""
+"""Image to arcs: Steps 1 to 6 of the paper in order."""
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from qflsd_ros.core import assembly, chains, edges, extraction, joining, paper
+from qflsd_ros.core.arcs import Arcs
+from qflsd_ros.core.circle import FIT_SIZE
+from qflsd_ros.core.parameters import Parameters
+
+SHORTEST = 8                # edge points of the shortest piece that may become part of an arc
+SIGNIFICANCE = 3.0          # standard deviations from which on an arc is not straight
+SMALLEST_IMAGE = 3          # px, of a side; there are no edges in less
+
+
+class Detector:
+    """
+    Finds the pictures of straight edges, seen through any lens, as circular arcs.
+
+    A detector keeps its memory from frame to frame: use one for each thread.
+
+    Parameters
+    ----------
+    parameters
+        What to look for; None: the defaults.  May be replaced between two frames.
+
+    """
+
+    def __init__(self, parameters: Parameters | None = None) -> None:
+        """Take the parameters; nothing is compiled yet, see :meth:`warm_up`."""
+        self.parameters = Parameters() if parameters is None else parameters
+        self._memory = _Memory(0, 0)
+
+    def warm_up(self) -> None:
+        """Compile the kernels, or load them from numba's cache, before the first frame comes."""
+        gray = np.zeros((64, 64), np.uint8)
+        gray[16:48, 16:48] = 255
+        Detector().detect(gray)
+
+    def detect(self, gray: np.ndarray) -> Arcs:
+        """
+        Find the arcs of one image.
+
+        Parameters
+        ----------
+        gray
+            (H, W) uint8, any strides.
+
+        Returns
+        -------
+        The arcs; the same image and parameters give the same arcs, bit for bit.
+
+        Raises
+        ------
+        TypeError
+            ``gray`` is not an array of uint8.
+        ValueError
+            ``gray`` has not two dimensions, or no pixel.
+
+        """
+        _check(gray)
+        if min(gray.shape) < SMALLEST_IMAGE:
+            return Arcs.empty()
+        gray = np.ascontiguousarray(gray)
+        if self.parameters.method == 'paper':
+            return paper.detect(gray, self.parameters)
+        count = self._find_chains(gray)
+        pieces = self._extract(count)
+        return self._assemble(pieces)
+
+    def _find_chains(self, gray: np.ndarray) -> int:
+        """Step 1: leave the chains of the image's edges in memory; return their number."""
+        parameters, (height, width) = self.parameters, gray.shape
+        if self._memory.edges.shape != gray.shape:
+            self._memory = _Memory(height, width)
+        memory = self._memory
+        dx, dy = edges.gradients(gray, parameters.blur_sigma)
+        edges.edge_map(dx, dy, parameters.contrast_low, parameters.contrast_high, memory.edges)
+        memory.reserve(int(np.count_nonzero(memory.flat)))
+        count = chains.trace(memory.flat, memory.words, width, SHORTEST, memory.xs, memory.ys,
+                             memory.offsets)
+        edges.locate(dx.reshape(-1), dy.reshape(-1), width, memory.xs, memory.ys,
+                     memory.offsets[count], memory.px, memory.py)
+        return count
+
+    def _extract(self, chain_count: int) -> joining.Pieces:
+        """Steps 2 to 5: the pieces of arcs in all chains."""
+        memory = self._memory
+        count = extraction.extract(memory.px, memory.py, memory.offsets, chain_count, SHORTEST,
+                                   self.parameters.tolerance, SIGNIFICANCE, self._sharpest(),
+                                   memory.runs, memory.fits)
+        return joining.pieces(memory.px, memory.py, memory.runs[:count], memory.fits[:count])
+
+    def _assemble(self, pieces: joining.Pieces) -> Arcs:
+        """Step 6: join the pieces and describe the arcs."""
+        memory, parameters = self._memory, self.parameters
+        height, width = memory.edges.shape
+        joined = joining.join(pieces, height, width, parameters.max_gap, parameters.tolerance,
+                              SIGNIFICANCE, self._sharpest())
+        return assembly.assemble(pieces, joined, memory.xs, memory.ys, memory.px, memory.py,
+                                 parameters.min_length)
+
+    def _sharpest(self) -> float:
+        """
+        Return the largest curvature of an arc, 1/px.
+
+        Equation (4) has the radius sqrt((e^2 + f^2) / 4 - 1 / lambda) >= 1 / sqrt(-lambda): the
+        picture of a straight edge cannot be bent more, whatever lies in the image.
+        """
+        return 1 / (self.parameters.min_radius * math.hypot(*self._memory.edges.shape) / 2)
+
+
+def _check(gray: np.ndarray) -> None:
+    if not isinstance(gray, np.ndarray) or gray.dtype != np.uint8:
+        came = f'{gray.dtype} array' if isinstance(gray, np.ndarray) else type(gray).__name__
+        raise TypeError(f'image is a {came}: must be a uint8 array of shape (height, width)')
+    if gray.ndim != 2 or gray.size == 0:
+        raise ValueError(f'image has shape {gray.shape}: must be (height, width), both above 0; '
+                         'convert colour to grey first')
+
+
+class _Memory:
+    """What is needed for images of one size, kept from frame to frame."""
+
+    def __init__(self, height: int, width: int) -> None:
+        self.flat = np.zeros((height * width + 7) // 8 * 8, np.uint8)
+        self.words = self.flat.view(np.uint64)
+        self.edges = self.flat[:height * width].reshape(height, width)
+        self.reserve(1)
+
+    def reserve(self, edge_pixels: int) -> None:
+        """Make room for so many edge pixels, and half as many again when there was too little."""
+        if hasattr(self, 'xs') and edge_pixels <= len(self.xs):
+            return
+        size = edge_pixels + edge_pixels // 2
+        self.xs, self.ys = np.empty(size, np.int32), np.empty(size, np.int32)
+        self.px, self.py = np.empty(size, np.float32), np.empty(size, np.float32)
+        most = size // SHORTEST + 2
+        self.offsets, self.runs = np.empty(most, np.int64), np.empty((most, 2), np.int64)
+        self.fits = np.empty((most, FIT_SIZE))

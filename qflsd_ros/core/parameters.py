@@ -15,14 +15,16 @@ METHODS = ('arcs', 'paper')
 
 def parameter(default: Any, description: str, unit: str = '',
               low: float | None = None, high: float | None = None,
-              choices: tuple[str, ...] = ()) -> Any:
+              choices: tuple[str, ...] = (), read_only: bool = False) -> Any:
     """
     Declare a dataclass field that knows what it means and which values it takes.
 
-    Numbers lie in ``low`` to ``high`` (both included), strings are one of ``choices``.
+    Numbers lie in ``low`` to ``high`` (both included), strings are one of ``choices``;
+    what is ``read_only`` can be set at start alone.
     """
     return dataclasses.field(default=default, metadata={
-        'description': description, 'unit': unit, 'low': low, 'high': high, 'choices': choices})
+        'description': description, 'unit': unit, 'low': low, 'high': high, 'choices': choices,
+        'read_only': read_only})
 
 
 def check(owner: Any) -> None:
@@ -87,24 +89,26 @@ class Parameters:
         'px', 0.1, 10.0)
     min_length: float = parameter(
         15.0, 'Shortest arc reported.', 'px', 3.0, 10000.0)
+    min_radius: float = parameter(
+        0.3, 'Smallest radius of an arc; a division model has none below 1 / sqrt(-lambda).',
+        'of half the image diagonal', 0.01, 100.0)
     max_gap: float = parameter(
         40.0, 'Longest gap between two pieces of one arc; 0 leaves joining out.',
         'px', 0.0, 1000.0)
-    confidence: float = parameter(
-        0.99, 'Probability of finding the longest arc of a contour, 1 - P^K of equation (12).',
-        '', 0.5, 0.9999)
-    max_hypotheses: int = parameter(
-        200, 'Most hypotheses tried on one contour, whatever the confidence asks for.',
-        '', 1, 100000)
-    seed: int = parameter(
-        0, 'Start of the pseudo-random sampling; the same seed gives the same arcs.',
-        '', 0, 2147483647)
     paper_epsilon: float = parameter(
-        100.0, 'Only for method paper: bound epsilon on the algebraic error E of equation (10).',
+        500.0, 'Method paper only: bound epsilon on the algebraic error E of equation (10).',
         'px^2', 0.001, 1000000.0)
     paper_min_contour: float = parameter(
-        0.05, 'Only for method paper: shortest contour as a share of the image size (Step 1).',
-        'of width + height', 0.0, 1.0)
+        0.05, 'Method paper only: shortest contour, as a share of the image size (Step 1).',
+        'of the mean of width and height', 0.0, 1.0)
+    paper_confidence: float = parameter(
+        0.99, 'Method paper only: probability of finding the longest segment, 1 - P^K of (12).',
+        '', 0.5, 0.9999)
+    paper_max_hypotheses: int = parameter(
+        2000, 'Method paper only: most hypotheses on one contour, whatever (12) asks for.',
+        '', 1, 1000000)
+    paper_seed: int = parameter(
+        0, 'Method paper only: seed of its random triples.', '', 0, 2147483647)
 
     def __post_init__(self) -> None:
         """Check types, ranges and consistency."""

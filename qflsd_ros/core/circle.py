@@ -1,0 +1,164 @@
+"""
+The generalised circle of Section 2: lines and circles as one family, without a singularity.
+
+Equation (4) of the paper, ``x^2 + y^2 + e x + f y + g = 0``, cannot hold a line, and its least
+squares (8), which is the fit of Kasa, pulls what is nearly straight towards small radii.  Here
+
+    P(x, y) = A (x^2 + y^2) + B x + C y + D = 0  with  B^2 + C^2 - 4 A D = 1   (Pratt, 1987)
+
+stands for both: A = 0 is a line, and with this normalisation the gradient of P has length 1 all
+along the curve.  Its curvature is 2 A, and the signed distance of a point is
+``2 P / (1 + sqrt(1 + 4 A P))``.
+
+Points are taken relative to an origin near the curve, which keeps the numbers small.
+References: V. Pratt, Direct least-squares fitting of algebraic surfaces, SIGGRAPH 1987; A.
+Al-Sharadqah and N. Chernov, Error analysis for circle fitting algorithms, EJS 2009.
+"""
+from __future__ import annotations
+
+import math
+
+from numba import njit
+import numpy as np
+
+Circle = tuple[float, float, float, float]
+
+compiled = njit(cache=True, nogil=True, error_model='numpy')
+inlined = njit(cache=True, nogil=True, error_model='numpy', inline='always')
+
+
+@inlined
+def value(circle: Circle, x: float, y: float) -> float:
+    """Return P(x, y): the signed distance, up to a relative error of A P."""
+    return circle[0] * (x * x + y * y) + circle[1] * x + circle[2] * y + circle[3]
+
+
+@compiled
+def distance(circle: Circle, x: float, y: float) -> float:
+    """Return the exact signed distance of a point from the circle, px."""
+    p = value(circle, x, y)
+    return 2 * p / (1 + math.sqrt(max(0.0, 1 + 4 * circle[0] * p)))
+
+
+@compiled
+def through(x0: float, y0: float, x1: float, y1: float, x2: float, y2: float) -> Circle:
+    """
+    Return the generalised circle through three points, of which the middle one is the origin.
+
+    The points are given in px relative to any origin; the circle's origin is (x1, y1).  It is a
+    line where they are collinear, and (0, 0, 0, 0) where the outer ones coincide with the middle.
+    """
+    ax, ay = x0 - x1, y0 - y1
+    bx, by = x2 - x1, y2 - y1
+    # D = 0 since the origin lies on it; A, B, C are the minors of the other two rows.
+    a2, b2 = ax * ax + ay * ay, bx * bx + by * by
+    A = ax * by - ay * bx
+    B = ay * b2 - a2 * by
+    C = a2 * bx - ax * b2
+    norm = math.sqrt(B * B + C * C)
+    if norm == 0.0:
+        return 0.0, 0.0, 0.0, 0.0
+    return A / norm, B / norm, C / norm, 0.0
+
+
+@compiled
+def solve3(m: np.ndarray, inverse: np.ndarray) -> bool:
+    """Invert the symmetric positive 3 x 3 matrix m; False where it is singular."""
+    c00 = m[1, 1] * m[2, 2] - m[1, 2] * m[1, 2]
+    c01 = m[0, 2] * m[1, 2] - m[0, 1] * m[2, 2]
+    c02 = m[0, 1] * m[1, 2] - m[0, 2] * m[1, 1]
+    det = m[0, 0] * c00 + m[0, 1] * c01 + m[0, 2] * c02
+    if not det > 1e-12 * m[0, 0] * m[1, 1] * m[2, 2]:
+        return False
+    inverse[0, 0] = c00 / det
+    inverse[0, 1] = inverse[1, 0] = c01 / det
+    inverse[0, 2] = inverse[2, 0] = c02 / det
+    inverse[1, 1] = (m[0, 0] * m[2, 2] - m[0, 2] * m[0, 2]) / det
+    inverse[1, 2] = inverse[2, 1] = (m[0, 1] * m[0, 2] - m[0, 0] * m[1, 2]) / det
+    inverse[2, 2] = (m[0, 0] * m[1, 1] - m[0, 1] * m[0, 1]) / det
+    return True
+
+
+# What a fit is: one row of a float64 array.
+FIT = ('x', 'y', 'A', 'B', 'C', 'D', 'rss', 'n', 'var_A', 'var_D')
+FIT_SIZE = len(FIT)
+NOISE_FLOOR = 0.05          # px, the least standard deviation that a point is believed to have
+
+
+@compiled
+def fit(px: np.ndarray, py: np.ndarray, weight: np.ndarray, first: int, last: int,
+        significance: float, out: np.ndarray) -> bool:
+    """
+    Fit the generalised circle to points first to last by least squares.
+
+    In a frame with its origin at the middle point and its x axis along the chord, C is close to 1
+    all along the arc, so that minimising sum w (A (x^2 + y^2) + B x + D + y)^2 minimises the
+    distances, without the bias of equation (8).  A line (A = 0) is fitted instead where A is not
+    larger than ``significance`` standard deviations.
+
+    Parameters
+    ----------
+    px, py
+        Points, px.
+    weight
+        Their weights: the number of edge points that each stands for; empty: 1 for all.
+    out
+        (FIT_SIZE,) float64, takes origin, A to D (in the image's axes, relative to the origin), the
+        residual sum of squares, the sum of weights and the variances of A and D.
+
+    Returns
+    -------
+    False where the points do not determine a curve.
+
+    """
+    middle = (first + last) // 2
+    ox, oy = float(px[middle]), float(py[middle])
+    ux, uy = float(px[last]) - float(px[first]), float(py[last]) - float(py[first])
+    size = math.sqrt(ux * ux + uy * uy)
+    if size == 0.0:
+        return False
+    ux, uy = ux / size, uy / size
+    m = np.zeros((3, 3))
+    inverse = np.zeros((3, 3))
+    szz = szt = sz = stt = st = sw = szv = stv = sv = svv = 0.0
+    weighted = len(weight) > 0
+    for i in range(first, last + 1):
+        dx, dy = px[i] - ox, py[i] - oy
+        t, v = dx * ux + dy * uy, dy * ux - dx * uy
+        z = t * t + v * v
+        w = weight[i] if weighted else 1.0
+        szz += w * z * z
+        szt += w * z * t
+        sz += w * z
+        stt += w * t * t
+        st += w * t
+        sw += w
+        szv += w * z * v
+        stv += w * t * v
+        sv += w * v
+        svv += w * v * v
+    m[0, 0], m[0, 1], m[0, 2], m[1, 1], m[1, 2], m[2, 2] = szz, szt, sz, stt, st, sw
+    a = var_a = 0.0
+    curved = solve3(m, inverse)
+    if curved:
+        a = -(inverse[0, 0] * szv + inverse[0, 1] * stv + inverse[0, 2] * sv)
+        b = -(inverse[0, 1] * szv + inverse[1, 1] * stv + inverse[1, 2] * sv)
+        d = -(inverse[0, 2] * szv + inverse[1, 2] * stv + inverse[2, 2] * sv)
+        rss = max(0.0, svv + a * szv + b * stv + d * sv)
+        variance = max(rss / max(sw - 3.0, 1.0), NOISE_FLOOR ** 2)
+        var_a, var_d = variance * inverse[0, 0], variance * inverse[2, 2]
+        curved = a * a > significance ** 2 * var_a
+    if not curved:
+        det = stt * sw - st * st
+        if not det > 0.0:
+            return False
+        a = 0.0
+        b = -(sw * stv - st * sv) / det
+        d = -(stt * sv - st * stv) / det
+        rss = max(0.0, svv + b * stv + d * sv)
+        var_d = max(rss / max(sw - 2.0, 1.0), NOISE_FLOOR ** 2) * stt / det
+    norm = math.sqrt(max(b * b + 1.0 - 4.0 * a * d, 1e-12))
+    out[0], out[1] = ox, oy
+    out[2], out[3], out[4], out[5] = a / norm, (b * ux - uy) / norm, (b * uy + ux) / norm, d / norm
+    out[6], out[7], out[8], out[9] = rss / (norm * norm), sw, var_a, var_d
+    return True

@@ -1,0 +1,154 @@
+"""
+Steps 2 to 5: arcs out of chains, by hypothesis and verification.
+
+A hypothesis is the circle through three points of a window of a chain: its ends and its middle.
+It is verified outward from the middle and dropped at the first misfit.  The longest run is refitted
+by least squares and grown again, then taken out, and the one or two pieces left are searched on.
+
+Windows have spans n, n / 2, n / 4, ... and begin every half span, so that each run of a chain that
+is at least 1.5 spans long contains a whole window: at that span the probability P^K of equation
+(12), that no hypothesis lies wholly within it, is 0, where the paper's random triples ask for
+0.01.  Nothing is left to chance, and K is at most 4 n / span.
+"""
+from __future__ import annotations
+
+import numpy as np
+
+from qflsd_ros.core import circle
+from qflsd_ros.core.circle import compiled, FIT_SIZE, inlined
+
+REFITS = 3          # most rounds of refitting and growing
+
+
+@inlined
+def _fits(model: circle.Circle, ox: float, oy: float, px: np.ndarray, py: np.ndarray, i: int,
+          tolerance: float) -> bool:
+    return abs(circle.value(model, px[i] - ox, py[i] - oy)) <= tolerance
+
+
+@compiled
+def _run(model: circle.Circle, ox: float, oy: float, px: np.ndarray, py: np.ndarray,
+         first: int, last: int, middle: int, tolerance: float) -> tuple[int, int]:
+    """Return the longest run around ``middle``, within first to last, that fits the model."""
+    lo = hi = middle
+    while hi < last and _fits(model, ox, oy, px, py, hi + 1, tolerance):
+        hi += 1
+    while lo > first and _fits(model, ox, oy, px, py, lo - 1, tolerance):
+        lo -= 1
+    return lo, hi
+
+
+@compiled
+def _hypothesis(px: np.ndarray, py: np.ndarray, first: int, last: int, begin: int, end: int,
+                tolerance: float, sharpest: float) -> tuple[int, int]:
+    """Return the run within first to last that fits the circle through a window, or (0, -1)."""
+    middle = (begin + end) // 2
+    model = circle.through(px[begin], py[begin], px[middle], py[middle], px[end], py[end])
+    ox, oy = px[middle], py[middle]
+    if (abs(2 * model[0]) > sharpest or (model[1] == 0.0 and model[2] == 0.0)
+            or not _fits(model, ox, oy, px, py, (begin + middle) // 2, tolerance)
+            or not _fits(model, ox, oy, px, py, (middle + end) // 2, tolerance)):
+        return 0, -1
+    return _run(model, ox, oy, px, py, first, last, middle, tolerance)
+
+
+@compiled
+def _longest(px: np.ndarray, py: np.ndarray, first: int, last: int, span: int,
+             tolerance: float, sharpest: float) -> tuple[int, int]:
+    """Return the longest run that a window of ``span`` points finds within first to last."""
+    best_lo, best_hi = 0, -1
+    begin = first
+    while True:
+        begin = min(begin, last - span + 1)
+        lo, hi = _hypothesis(px, py, first, last, begin, begin + span - 1, tolerance, sharpest)
+        if hi - lo > best_hi - best_lo:
+            best_lo, best_hi = lo, hi
+        if begin == last - span + 1:
+            return best_lo, best_hi
+        begin = max(begin + span // 2, best_hi + 1 - span // 2)
+
+
+@compiled
+def _refit(px: np.ndarray, py: np.ndarray, first: int, last: int, lo: int, hi: int,
+           tolerance: float, significance: float, sharpest: float,
+           out: np.ndarray) -> tuple[int, int]:
+    """Fit a run, grow it and fit again; return the run that ``out`` was fitted to, or (0, -1)."""
+    nothing = np.zeros(0)
+    for turn in range(REFITS):
+        if not circle.fit(px, py, nothing, lo, hi, significance, out) \
+                or abs(2 * out[2]) > sharpest:
+            return 0, -1
+        model = (out[2], out[3], out[4], out[5])
+        new_lo, new_hi = _run(model, out[0], out[1], px, py, first, last, (lo + hi) // 2,
+                              tolerance)
+        if new_lo == lo and new_hi == hi:
+            break
+        lo, hi = new_lo, new_hi
+    if hi - lo < 2:
+        return 0, -1
+    circle.fit(px, py, nothing, lo, hi, significance, out)
+    return lo, hi
+
+
+@compiled
+def extract(px: np.ndarray, py: np.ndarray, offsets: np.ndarray, chains: int, shortest: int,
+            tolerance: float, significance: float, sharpest: float,
+            runs: np.ndarray, fits: np.ndarray) -> int:
+    """
+    Find the arcs of all chains.
+
+    Parameters
+    ----------
+    px, py
+        (E,) float32, points of all chains, px.
+    offsets
+        (chains + 1,) where each chain begins.
+    shortest
+        Arcs of fewer points are not looked for.
+    tolerance
+        Largest distance of a point from its arc, px.
+    significance
+        Curvature counts from this multiple of its standard deviation on.
+    sharpest
+        Largest curvature of an arc, 1/px.
+    runs
+        (R, 2) int64, takes the first and last point of every arc; R >= E / shortest + 1.
+    fits
+        (R, FIT_SIZE) float64, takes the fits.
+
+    Returns
+    -------
+    Number of arcs.
+
+    """
+    found = 0
+    todo = np.empty((64 + len(px) // max(shortest, 1), 3), np.int64)
+    model = np.empty(FIT_SIZE)
+    for chain in range(chains):
+        todo[0, 0], todo[0, 1] = offsets[chain], offsets[chain + 1] - 1
+        todo[0, 2] = offsets[chain + 1] - offsets[chain]
+        waiting = 1
+        while waiting > 0:
+            waiting -= 1
+            first, last = todo[waiting, 0], todo[waiting, 1]
+            span = min(todo[waiting, 2], last - first + 1)
+            while span >= shortest:
+                lo, hi = _longest(px, py, first, last, span, tolerance, sharpest)
+                if hi - lo + 1 >= span:
+                    lo, hi = _refit(px, py, first, last, lo, hi, tolerance, significance,
+                                    sharpest, model)
+                else:
+                    lo, hi = 0, -1
+                if hi - lo + 1 >= shortest:
+                    runs[found, 0], runs[found, 1] = lo, hi
+                    fits[found] = model
+                    found += 1
+                    for a, b in ((first, lo - 1), (hi + 1, last)):
+                        if b - a + 1 >= shortest:
+                            todo[waiting, 0], todo[waiting, 1], todo[waiting, 2] = a, b, span
+                            waiting += 1
+                    break
+                if span == shortest:
+                    break
+                span = max(span // 2, shortest)
+    return found
