@@ -1,0 +1,244 @@
+"""
+The ``detector`` node: images in, arcs out.
+
+The executor's thread receives images and answers parameter services; a thread of its own detects.
+Between them lies one place: when images come faster than they are worked off, the newest wins,
+so results never grow old, and every image left out is counted.
+"""
+from __future__ import annotations
+
+from contextlib import closing
+import sys
+from threading import Thread
+import time
+import traceback
+from typing import Callable, NamedTuple
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+import numpy as np
+from qflsd_ros.core import Arcs, Detector, Parameters
+from qflsd_ros.ros import images, outputs, parameters
+from qflsd_ros.ros.diagnostics import Statistics
+from qflsd_ros.ros.mailbox import Mailbox
+from qflsd_ros.ros.markers import markers
+from qflsd_ros.ros.parameters import NodeParameters, ParameterError
+import rclpy
+from rclpy.clock import Clock, ClockType
+from rclpy.event_handler import PublisherEventCallbacks
+from rclpy.exceptions import NotInitializedException, ParameterException
+from rclpy.executors import ExternalShutdownException
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.subscription import Subscription
+from sensor_msgs.msg import CompressedImage, Image, PointCloud2
+from std_msgs.msg import Header
+from visualization_msgs.msg import MarkerArray
+
+DIAGNOSTICS_PERIOD = 1.0  # s
+LOG_PERIOD = 5.0  # s between two log lines on bad frames of the same kind
+
+
+class Frame(NamedTuple):
+    """A message that came in, and when: ``time.monotonic()`` in s."""
+
+    message: Image | CompressedImage
+    arrival: float
+
+
+class Result(NamedTuple):
+    """What was found in a grey frame, and what to know for publishing it."""
+
+    header: Header
+    gray: np.ndarray
+    arcs: Arcs
+    settings: NodeParameters
+
+
+class Transport(NamedTuple):
+    """A way for images to come: message type, what it appends to the topic, how to read it."""
+
+    type: type
+    suffix: str
+    read: Callable[..., np.ndarray]
+
+
+TRANSPORTS = {
+    'raw': Transport(Image, '', images.read),
+    'compressed': Transport(CompressedImage, '/compressed', images.decode),
+}
+
+
+def _segments(result: Result) -> PointCloud2:
+    return outputs.segments(result.header, result.arcs, result.settings.polyline_tolerance)
+
+
+def _arcs(result: Result) -> PointCloud2:
+    return outputs.arc_records(result.header, result.arcs)
+
+
+def _markers(result: Result) -> bytes:
+    return markers(result.header, result.arcs, result.settings.polyline_tolerance,
+                   result.settings.metres_per_pixel, result.settings.line_width)
+
+
+def _overlay(result: Result) -> Image:
+    return outputs.overlay_image(
+        result.header, result.gray, result.arcs, result.settings.line_width)
+
+
+OUTPUTS = (
+    ('~/segments', PointCloud2, _segments),
+    ('~/arcs', PointCloud2, _arcs),
+    ('~/markers', MarkerArray, _markers),
+    ('~/overlay', Image, _overlay),
+)
+
+
+class DetectorNode(Node):
+    """
+    Detects arcs in images; see the package's README for topics and parameters.
+
+    Raises
+    ------
+    ParameterError
+        A parameter given at start cannot be used.
+    rclpy.exceptions.ParameterException, RuntimeError
+        The same of a QoS override or of use_sim_time.
+
+    """
+
+    def __init__(self) -> None:
+        super().__init__('detector')
+        parameters.attach(self, (Parameters, NodeParameters), self._apply)
+        self._active[0].warm_up()
+        self._statistics = Statistics()
+        self._last_log: dict[str, float] = {}
+        self._mailbox: Mailbox[Frame] = Mailbox()
+        self._outputs = [(self._advertise(type_, topic), build) for topic, type_, build in OUTPUTS]
+        self._diagnostics = self._advertise(DiagnosticArray, '/diagnostics')
+        # Subscribing, if only for a moment, finds a bad QoS override now and not in mid-flight.
+        self._subscription: Subscription | None = self._subscribe()
+        self._follow_listeners()
+        parameters.warn_of_unknown(self)
+        self.create_timer(DIAGNOSTICS_PERIOD, self._diagnose,
+                          clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._worker = Thread(target=self._work, name='detection', daemon=True)
+        self._worker.start()
+
+    def close(self) -> None:
+        """End the detection thread, then the node."""
+        self._mailbox.close()
+        self._worker.join()
+        self.destroy_node()
+
+    @property
+    def _listening(self) -> bool:
+        return any(publisher.get_subscription_count() for publisher, _ in self._outputs)
+
+    @property
+    def _transport(self) -> Transport:
+        return TRANSPORTS[self._active[1].image_transport]
+
+    def _apply(self, detector: Parameters, settings: NodeParameters) -> None:
+        # One assignment: the detection thread never sees half a change.
+        self._active = Detector(detector), settings
+
+    def _advertise(self, type_: type, topic: str) -> Publisher:
+        return self.create_publisher(
+            type_, topic, QoSProfile(depth=5, reliability=ReliabilityPolicy.RELIABLE),
+            event_callbacks=PublisherEventCallbacks(matched=lambda _: self._follow_listeners()),
+            qos_overriding_options=QoSOverridingOptions.with_default_policies())
+
+    def _subscribe(self) -> Subscription:
+        # The suffix follows the remapped name, as with image_transport.
+        topic = self.resolve_topic_name('image') + self._transport.suffix
+        return self.create_subscription(
+            self._transport.type, topic, self._receive,
+            QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT),
+            qos_overriding_options=QoSOverridingOptions.with_default_policies())
+
+    def _follow_listeners(self) -> None:
+        """Be subscribed to the images just as long as somebody listens to the results."""
+        if self._listening and self._subscription is None:
+            self._subscription = self._subscribe()
+        elif not self._listening and self._subscription is not None:
+            self.destroy_subscription(self._subscription)
+            self._subscription = None
+
+    def _receive(self, message: Image | CompressedImage) -> None:
+        self._statistics.arrived()
+        if self._mailbox.put(Frame(message, time.monotonic())):
+            self._statistics.dropped()
+
+    def _work(self) -> None:
+        for frame in self._mailbox:
+            try:
+                self._process(frame)
+            except images.ImageError as error:
+                self._reject(error.reason, str(error))
+            except Exception:
+                # No frame may end the node. After a shutdown, publishing fails as it should.
+                if self.context.ok():
+                    self._reject('internal error', traceback.format_exc())
+
+    def _process(self, frame: Frame) -> None:
+        detector, settings = self._active
+        header = frame.message.header
+        gray = self._transport.read(frame.message, settings.white_level)
+        result = Result(header, gray, detector.detect(gray), settings)
+        for publisher, build in self._outputs:
+            if publisher.get_subscription_count():
+                publisher.publish(build(result))
+        self._statistics.done(time.monotonic() - frame.arrival, self._age(header),
+                              len(result.arcs))
+
+    def _age(self, header: Header) -> float:
+        stamp = header.stamp.sec * 10**9 + header.stamp.nanosec
+        return (self.get_clock().now().nanoseconds - stamp) * 1e-9
+
+    def _reject(self, reason: str, text: str) -> None:
+        self._statistics.bad(reason)
+        now = time.monotonic()
+        if now - self._last_log.get(reason, -LOG_PERIOD) >= LOG_PERIOD:
+            self._last_log[reason] = now
+            self.get_logger().error(f'{reason}: {text}')
+
+    def _diagnose(self) -> None:
+        topic = self.resolve_topic_name('image') + self._transport.suffix
+        settings = self._active[1]
+        status = DiagnosticStatus(name=f'{self.get_fully_qualified_name()}: detection',
+                                  hardware_id=settings.hardware_id or topic)
+        self._statistics.report(status, self._subscription is not None, settings.max_age)
+        message = DiagnosticArray(status=[status])
+        message.header.stamp = self.get_clock().now().to_msg()
+        self._diagnostics.publish(message)
+
+
+def start(args: list[str] | None = None) -> DetectorNode:
+    """Initialise ROS and return the node; ParameterError where an argument cannot be used."""
+    try:
+        rclpy.init(args=args)
+        return DetectorNode()
+    except (ParameterException, RuntimeError) as error:
+        raise ParameterError(f'{type(error).__name__}: {error}') from error
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the node until SIGINT or SIGTERM; return the exit code."""
+    try:
+        with closing(start(args)) as node:
+            rclpy.spin(node)
+    except ParameterError as error:
+        print(f'detector: {error}', file=sys.stderr)
+        return 2
+    except (KeyboardInterrupt, ExternalShutdownException, NotInitializedException):
+        pass  # NotInitializedException: the signal came before the node was there.
+    finally:
+        rclpy.try_shutdown()
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,168 @@
+"""
+Image messages as grey frames.
+
+Integers of 16 bits and floats are scaled linearly from 0 to a white level, and what is beyond is
+cut off; YUV images give their luma, colour and Bayer images what OpenCV makes of them.
+"""
+from __future__ import annotations
+
+from functools import partial
+from typing import Callable, NamedTuple
+
+import cv2
+import numpy as np
+from sensor_msgs.msg import CompressedImage, Image
+
+MAX_SIDE = 32768  # px
+WHITE = {'u2': 65535.0, 'f4': 1.0}  # the white level of a type unless another is given
+
+
+class ImageError(ValueError):
+    """An image that cannot be read; ``reason`` is a short phrase to count it by."""
+
+    def __init__(self, reason: str, text: str) -> None:
+        super().__init__(text)
+        self.reason = reason
+
+
+class Layout(NamedTuple):
+    """How an encoding stores an image: type and number of a pixel's values, the way to grey."""
+
+    dtype: str
+    channels: int
+    to_gray: Callable[[np.ndarray], np.ndarray]  # (H, W, channels) to (H, W)
+
+
+def _channel(index: int) -> Callable[[np.ndarray], np.ndarray]:
+    return lambda pixels: pixels[..., index]
+
+
+def _colour(code: int) -> Callable[[np.ndarray], np.ndarray]:
+    return partial(cv2.cvtColor, code=code)
+
+
+def _bayer(code: int) -> Callable[[np.ndarray], np.ndarray]:
+    return lambda pixels: cv2.cvtColor(pixels[..., 0], code)
+
+
+LAYOUTS = {
+    'mono8': Layout('u1', 1, _channel(0)),
+    '8UC1': Layout('u1', 1, _channel(0)),
+    'mono16': Layout('u2', 1, _channel(0)),
+    '16UC1': Layout('u2', 1, _channel(0)),
+    '32FC1': Layout('f4', 1, _channel(0)),
+    'yuv422': Layout('u1', 2, _channel(1)),
+    'uyvy': Layout('u1', 2, _channel(1)),
+    'yuv422_yuy2': Layout('u1', 2, _channel(0)),
+    'yuyv': Layout('u1', 2, _channel(0)),
+    # Luma comes first, as a plane of its own; the chroma behind it is not looked at.
+    'nv12': Layout('u1', 1, _channel(0)),
+    'nv21': Layout('u1', 1, _channel(0)),
+    'nv24': Layout('u1', 1, _channel(0)),
+}
+for _bits, _dtype in ((8, 'u1'), (16, 'u2')):
+    LAYOUTS.update({
+        f'bgr{_bits}': Layout(_dtype, 3, _colour(cv2.COLOR_BGR2GRAY)),
+        f'rgb{_bits}': Layout(_dtype, 3, _colour(cv2.COLOR_RGB2GRAY)),
+        f'bgra{_bits}': Layout(_dtype, 4, _colour(cv2.COLOR_BGRA2GRAY)),
+        f'rgba{_bits}': Layout(_dtype, 4, _colour(cv2.COLOR_RGBA2GRAY)),
+        # OpenCV names a pattern by the second row's second and third pixel.
+        f'bayer_rggb{_bits}': Layout(_dtype, 1, _bayer(cv2.COLOR_BayerBG2GRAY)),
+        f'bayer_bggr{_bits}': Layout(_dtype, 1, _bayer(cv2.COLOR_BayerRG2GRAY)),
+        f'bayer_gbrg{_bits}': Layout(_dtype, 1, _bayer(cv2.COLOR_BayerGR2GRAY)),
+        f'bayer_grbg{_bits}': Layout(_dtype, 1, _bayer(cv2.COLOR_BayerGB2GRAY)),
+    })
+
+
+def read(message: Image, white_level: float = 0.0) -> np.ndarray:
+    """
+    Return an image as a grey frame.
+
+    Parameters
+    ----------
+    message
+        The image, in one of the encodings of :data:`LAYOUTS`.
+    white_level
+        Value that becomes 255 in images of 16 bits or floats; 0 stands for 65535 with 16 bits
+        and for 1.0 with floats.
+
+    Returns
+    -------
+    gray
+        (H, W) uint8; for mono8, 8UC1 and YUV a view of the message's own data, with its strides.
+
+    Raises
+    ------
+    ImageError
+        The encoding is unknown, or sizes do not fit.
+
+    """
+    layout = LAYOUTS.get(message.encoding)
+    if layout is None:
+        raise ImageError('unknown encoding', f'encoding {message.encoding!r} is unknown: must be '
+                         f'one of {", ".join(sorted(LAYOUTS))}')
+    _check_size(message, layout)
+    order = '>' if message.is_bigendian else '<'
+    dtype = np.dtype(order + layout.dtype)
+    pixels = np.ndarray(
+        (message.height, message.width, layout.channels), dtype, message.data,
+        strides=(message.step, layout.channels * dtype.itemsize, dtype.itemsize))
+    # OpenCV misreads rows of 16 bits that begin at an odd address.
+    gray = layout.to_gray(np.require(pixels, dtype.newbyteorder('='), ['ALIGNED']))
+    return gray if layout.dtype == 'u1' else _scaled(gray, white_level or WHITE[layout.dtype])
+
+
+def decode(message: CompressedImage, white_level: float = 0.0) -> np.ndarray:
+    """
+    Return a compressed image (whatever OpenCV decodes: JPEG, PNG, ...) as a grey frame.
+
+    Parameters
+    ----------
+    message
+        The image.
+    white_level
+        Of no effect: the decoder itself brings 16 bits down to 8.
+
+    Returns
+    -------
+    gray
+        (H, W) uint8.
+
+    Raises
+    ------
+    ImageError
+        The data is no image.
+
+    """
+    data = np.ndarray(len(message.data), np.uint8, message.data)
+    # As the sensor sees it: an orientation tag would turn the coordinates.
+    flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
+    try:
+        gray = cv2.imdecode(data, flags)
+    except cv2.error as error:
+        raise ImageError('cannot be decoded', f'compressed image of {len(data)} bytes, format '
+                         f'{message.format!r}: {error.err}') from error
+    if gray is None:
+        raise ImageError('cannot be decoded', f'compressed image of {len(data)} bytes, format '
+                         f'{message.format!r}: is no image, or a damaged one')
+    return gray
+
+
+def _check_size(message: Image, layout: Layout) -> None:
+    height, width, step, size = message.height, message.width, message.step, len(message.data)
+    what = f'{message.encoding} image of {width} x {height} pixels'
+    if not (0 < width <= MAX_SIDE and 0 < height <= MAX_SIDE):
+        raise ImageError('wrong size', f'{what}: width and height must lie in 1 to {MAX_SIDE}')
+    row = width * layout.channels * np.dtype(layout.dtype).itemsize
+    if step < row:
+        raise ImageError('step too small', f'{what}: step is {step}, must be at least {row}')
+    if size < step * height:
+        raise ImageError('data too short', f'{what}: holds {size} bytes, must be at least '
+                         f'step x height = {step} x {height} = {step * height}')
+
+
+def _scaled(gray: np.ndarray, white: float) -> np.ndarray:
+    if gray.dtype.kind == 'f':
+        # convertScaleAbs would mirror what is below 0, and has no rule for inf and nan.
+        gray = np.fmin(np.fmax(gray, 0), white)
+    return cv2.convertScaleAbs(gray, alpha=255 / white)

@@ -1,0 +1,44 @@
+"""A place for one item between two threads."""
+from __future__ import annotations
+
+from threading import Condition
+from typing import Generic, Iterator, TypeVar
+
+Item = TypeVar('Item')
+
+
+class Mailbox(Generic[Item]):
+    """
+    A place for one item: the newest replaces one that nobody has taken yet.
+
+    Iterating takes item after item, waiting for each, until the mailbox is closed.
+    """
+
+    def __init__(self) -> None:
+        self._items: list[Item] = []
+        self._closed = False
+        self._changed = Condition()
+
+    def put(self, item: Item) -> bool:
+        """Put an item in and tell whether it replaced another one."""
+        with self._changed:
+            replaced = bool(self._items)
+            self._items = [item]
+            self._changed.notify()
+        return replaced
+
+    def close(self) -> None:
+        """End the iteration, whatever is still inside."""
+        with self._changed:
+            self._closed = True
+            self._changed.notify_all()
+
+    def __iter__(self) -> Iterator[Item]:
+        """Return the items as they come."""
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: self._items or self._closed)
+                if self._closed:
+                    return
+                item = self._items.pop()
+            yield item

@@ -1,0 +1,191 @@
+"""
+Dataclasses made of :func:`qflsd_ros.core.parameters.parameter` fields as ROS parameters.
+
+Run as a module, it prints ``config/detector.yaml``.
+"""
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+import difflib
+from typing import Any, Callable, Iterable, Mapping, Sequence, TypeVar
+
+from qflsd_ros.core.parameters import check, parameter, Parameters
+from rcl_interfaces.msg import (
+    FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult)
+from rclpy.node import Node
+from rclpy.parameter import Parameter as RosParameter
+import yaml
+
+YAML_HEAD = """\
+# Every parameter of the detector with its default. Load a copy of this file with
+#   ros2 run qflsd_ros detector --ros-args --params-file detector.yaml
+/**:
+  ros__parameters:
+"""
+
+Settings = TypeVar('Settings')
+
+
+class ParameterError(Exception):
+    """A parameter given at start that cannot be used; the text names it and what is right."""
+
+
+@dataclass(frozen=True)
+class NodeParameters:
+    """
+    What a user can set of the node around the detector.
+
+    Raises
+    ------
+    ValueError
+        A value is out of its range.
+    TypeError
+        A value has another type than its default.
+
+    """
+
+    image_transport: str = parameter(
+        'raw', 'How images come: raw (sensor_msgs/Image on image) or compressed '
+        '(sensor_msgs/CompressedImage on image/compressed).',
+        choices=('raw', 'compressed'), read_only=True)
+    white_level: float = parameter(
+        0.0, 'Value that becomes white in images of 16 bits or floats; 0 stands for 65535 with '
+        '16 bits and for 1.0 with floats.', '', 0.0, 1000000.0)
+    polyline_tolerance: float = parameter(
+        0.1, 'Largest distance between an arc and its points on ~/segments and ~/markers.',
+        'px', 0.001, 100.0)
+    line_width: int = parameter(
+        2, 'Width of the arcs on ~/overlay and ~/markers.', 'px', 1, 100)
+    metres_per_pixel: float = parameter(
+        0.01, 'Size of a pixel on ~/markers.', 'm', 0.0001, 1000.0)
+    max_age: float = parameter(
+        0.5, 'Time from the stamp of an image to its results from which on diagnostics warn; '
+        '0 leaves the check out.', 's', 0.0, 3600.0)
+    hardware_id: str = parameter(
+        '', 'Name of the camera in diagnostics; empty stands for the image topic.')
+
+    def __post_init__(self) -> None:
+        """Check types and ranges."""
+        check(self)
+
+
+def descriptor(field: dataclasses.Field[Any]) -> ParameterDescriptor:
+    """Describe a dataclass field to ROS: sentence and unit, range, choices, read-only or not."""
+    meta = field.metadata
+    unit = f' Unit: {meta["unit"]}.' if meta['unit'] else ''
+    result = ParameterDescriptor(
+        name=field.name, description=meta['description'] + unit, read_only=meta['read_only'])
+    if meta['choices']:
+        result.additional_constraints = f'One of: {", ".join(meta["choices"])}.'
+    if isinstance(field.default, float) and meta['low'] is not None:
+        result.floating_point_range = [
+            FloatingPointRange(from_value=meta['low'], to_value=meta['high'], step=0.0)]
+    if isinstance(field.default, int) and meta['low'] is not None:
+        result.integer_range = [
+            IntegerRange(from_value=meta['low'], to_value=meta['high'], step=1)]
+    return result
+
+
+def attach(node: Node, kinds: Sequence[type], apply: Callable[..., None]) -> None:
+    """
+    Declare the fields of dataclasses as parameters of a node, and follow every change of them.
+
+    Whatever is set together is checked together and applied together, or refused together with
+    the reason.  An integer is as good as a floating-point number with no decimals.
+
+    Parameters
+    ----------
+    node
+        The node that gets the parameters.
+    kinds
+        Dataclasses made of ``parameter()`` fields.
+    apply
+        Called with an instance of each of ``kinds``, now and after every change.
+
+    Raises
+    ------
+    ParameterError
+        A value from the command line or a YAML file cannot be used.
+
+    """
+    try:
+        current = _replaced([kind() for kind in kinds], _given(node))
+    except (TypeError, ValueError) as error:
+        raise ParameterError(f'parameter {error}') from error
+    for settings in current:
+        for field in dataclasses.fields(settings):
+            node.declare_parameter(field.name, getattr(settings, field.name), descriptor(field),
+                                   ignore_override=True)
+
+    def widen(changes: list[RosParameter]) -> list[RosParameter]:
+        return [_widened(change, kinds) for change in changes]
+
+    def validate(changes: list[RosParameter]) -> SetParametersResult:
+        try:
+            _replaced(current, _values(changes))
+        except (TypeError, ValueError) as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def follow(changes: list[RosParameter]) -> None:
+        current[:] = _replaced(current, _values(changes))
+        apply(*current)
+
+    node.add_pre_set_parameters_callback(widen)
+    node.add_on_set_parameters_callback(validate)
+    node.add_post_set_parameters_callback(follow)
+    apply(*current)
+
+
+def warn_of_unknown(node: Node) -> None:
+    """Warn of every value given at start that no declared parameter of the node takes."""
+    known = node.list_parameters([], 0).names
+    for name in _given(node):
+        if name not in known:
+            near = difflib.get_close_matches(name, known, 1, 0.5)
+            hint = f': did you mean {near[0]}?' if near else ''
+            node.get_logger().warning(f'there is no parameter {name}, it is ignored{hint}')
+
+
+def yaml_text(kinds: Iterable[type] = (Parameters, NodeParameters)) -> str:
+    """Return a parameter file that holds every field with its default, a comment line each."""
+    return YAML_HEAD + ''.join(
+        f'    # {field.metadata["description"]}{_allowed(field)}\n'
+        f'    {yaml.safe_dump({field.name: field.default})}'
+        for kind in kinds for field in dataclasses.fields(kind))
+
+
+def _allowed(field: dataclasses.Field[Any]) -> str:
+    meta = field.metadata
+    if meta['low'] is None:
+        return ''
+    return f' [{meta["low"]} to {meta["high"]}{" " * bool(meta["unit"])}{meta["unit"]}]'
+
+
+def _given(node: Node) -> dict[str, Any]:
+    """Return the values given at start by the command line and YAML files, declared or not."""
+    # rclpy offers them nowhere in public.
+    return _values(node._parameter_overrides.values())
+
+
+def _values(changes: Iterable[RosParameter]) -> dict[str, Any]:
+    return {change.name: change.value for change in changes}
+
+
+def _replaced(current: Sequence[Settings], values: Mapping[str, Any]) -> list[Settings]:
+    return [dataclasses.replace(settings, **{
+        field.name: values[field.name] for field in dataclasses.fields(settings)
+        if field.name in values}) for settings in current]
+
+
+def _widened(change: RosParameter, kinds: Sequence[type]) -> RosParameter:
+    is_float = any(field.name == change.name and isinstance(field.default, float)
+                   for kind in kinds for field in dataclasses.fields(kind))
+    if is_float and change.type_ is RosParameter.Type.INTEGER:
+        return RosParameter(change.name, value=float(change.value))
+    return change
+
+
+if __name__ == '__main__':
+    print(yaml_text(), end='')

@@ -1,0 +1,136 @@
+"""Real processes over real DDS: each test in a domain of its own, polling, never sleeping."""
+from __future__ import annotations
+
+import itertools
+import os
+from pathlib import Path
+import signal
+import socket
+import subprocess
+import sys
+import time
+from typing import Any, Callable, Iterator
+
+import pytest
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+
+ROOT = Path(__file__).parents[2]
+TIMEOUT = 60.0  # s; generous: the machine may be busy, and kernels may have to be compiled
+# Wheels in a virtual environment have no setup file that would set this.
+os.environ.setdefault('AMENT_PREFIX_PATH', sys.prefix)
+os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+
+
+class Process:
+    """A Python module running as a process of its own; ``output`` is all it has printed."""
+
+    def __init__(self, arguments: list[str], environment: dict[str, str], log: Path) -> None:
+        self.log = log
+        with log.open('w') as stream:
+            self.popen = subprocess.Popen([sys.executable, *arguments], cwd=ROOT, stdout=stream,
+                                          stderr=subprocess.STDOUT, env=os.environ | environment)
+
+    @property
+    def output(self) -> str:
+        return self.log.read_text()
+
+    def stop(self, with_signal: int = signal.SIGINT) -> int:
+        """Send a signal and return the exit code."""
+        self.popen.send_signal(with_signal)
+        return self.wait()
+
+    def wait(self) -> int:
+        """Return the exit code."""
+        return self.popen.wait(TIMEOUT)
+
+
+class Peer:
+    """A node of the test's own in one domain, and the processes it talks to."""
+
+    def __init__(self, domain: int, folder: Path) -> None:
+        self.environment = {'ROS_DOMAIN_ID': str(domain), 'ROS_LOG_DIR': str(folder)}
+        self.folder = folder
+        self.context = Context()
+        rclpy.init(args=[], context=self.context, domain_id=domain)
+        self.node = Node('peer', context=self.context)
+        self.executor = SingleThreadedExecutor(context=self.context)
+        self.executor.add_node(self.node)
+        self.processes: list[Process] = []
+
+    def run(self, *arguments: str, **environment: str) -> Process:
+        """Start ``python <arguments>`` in the peer's domain."""
+        log = self.folder / f'process{len(self.processes)}.log'
+        self.processes.append(Process(list(arguments), self.environment | environment, log))
+        return self.processes[-1]
+
+    def until(self, condition: Callable[[], Any], meanwhile: Callable[[], Any] = lambda: None,
+              period: float = 0.05, timeout: float = TIMEOUT) -> Any:
+        """Spin until a condition holds and return what it gave; ``meanwhile`` once a period."""
+        end = time.monotonic() + timeout
+        while time.monotonic() < end:
+            meanwhile()
+            pause = time.monotonic() + period
+            while time.monotonic() < pause:
+                self.executor.spin_once(pause - time.monotonic())
+                if result := condition():
+                    return result
+        outputs = '\n'.join(process.output for process in self.processes)
+        raise AssertionError(f'not within {timeout} s; the processes say:\n{outputs}')
+
+    def call(self, type_: type, service: str, **request: Any) -> Any:
+        """Call a service and return its response."""
+        client = self.node.create_client(type_, service)
+        self.until(client.service_is_ready)
+        future = client.call_async(type_.Request(**request))
+        self.until(future.done)
+        self.node.destroy_client(client)
+        return future.result()
+
+    def close(self) -> None:
+        """End whatever still runs."""
+        for process in self.processes:
+            process.popen.kill()
+            process.popen.wait()
+        self.executor.shutdown()
+        self.node.destroy_node()
+        self.context.try_shutdown()
+
+
+def free_domains() -> Iterator[tuple[int, socket.socket]]:
+    """Yield ROS domains that no other test run uses, each with the port that reserves it."""
+    for i in itertools.count(os.getpid()):
+        domain = 1 + i % 100  # above 101, Linux hands the ports out to others
+        lock = socket.socket()
+        try:
+            lock.bind(('127.0.0.1', 22119 + domain))
+        except OSError:
+            lock.close()
+            continue
+        yield domain, lock
+
+
+domains = free_domains()
+
+
+def make_peer(folder: Path) -> Iterator[Peer]:
+    """Yield a peer in a domain of its own."""
+    domain, lock = next(domains)
+    peer = Peer(domain, folder)
+    yield peer
+    peer.close()
+    lock.close()
+
+
+@pytest.fixture
+def peer(tmp_path: Path) -> Iterator[Peer]:
+    """Give one test a peer of its own."""
+    yield from make_peer(tmp_path)
+
+
+@pytest.fixture(scope='module')
+def module_peer(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Peer]:
+    """Give the tests of a module one peer that they share."""
+    yield from make_peer(tmp_path_factory.mktemp('peer'))
