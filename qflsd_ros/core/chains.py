@@ -7,43 +7,70 @@ direction, then from the same pixel in the other, straight on where edges meet.
 """
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from qflsd_ros.core.circle import compiled, inlined
+from qflsd_ros.core.edges import STRONG, TAN_22
 
 # The 8 neighbours in order of their direction, in steps of 45 degrees from the x axis to the y axis.
 STEP_X = np.array([1, 1, 0, -1, -1, -1, 0, 1], np.int64)
 STEP_Y = np.array([0, 1, 1, 1, 0, -1, -1, -1], np.int64)
 UNIT_X = STEP_X / np.hypot(STEP_X, STEP_Y)
 UNIT_Y = STEP_Y / np.hypot(STEP_X, STEP_Y)
+ANY_STRONG = np.uint64(STRONG * 0x0101010101010101)     # eight edge pixels at once
 MEMORY = 0.75       # share of the direction so far in the direction after the next step
-SHARPEST = 0.0      # cosine of the sharpest turn that a chain may make
 
 
 @inlined
-def _next(edges: np.ndarray, at: int, width: int, ux: float, uy: float) -> int:
-    """Return the neighbour (0 to 7) that continues the direction (ux, uy) best, or -1."""
-    best, cosine = -1, SHARPEST * np.sqrt(ux * ux + uy * uy)
-    for k in range(8):
-        if edges[at + STEP_Y[k] * width + STEP_X[k]] != 0:
-            along = ux * UNIT_X[k] + uy * UNIT_Y[k]
-            if best < 0 and along >= cosine or along > cosine:
-                best, cosine = k, along
+def _next(edges: np.ndarray, at: int, steps: np.ndarray, before: int, ux: float,
+          uy: float) -> int:
+    """
+    Return the neighbour (0 to 7) with which a chain goes on, or -1.
+
+    It is the only one within 45 degrees of the last step; of several, the one closest to (ux, uy);
+    else the closest within 90 degrees.
+    """
+    left, right = (before + 7) & 7, (before + 1) & 7
+    a, b, c = edges[at + steps[before]], edges[at + steps[left]], edges[at + steps[right]]
+    near = (a != 0) + (b != 0) + (c != 0)
+    if near == 1:
+        return before if a != 0 else left if b != 0 else right
+    best, cosine = -1, -10.0
+    reach = 2 if near == 0 else 1
+    for turn in range(-reach, reach + 1):
+        k = (before + turn) & 7
+        along = ux * UNIT_X[k] + uy * UNIT_Y[k]
+        if edges[at + steps[k]] != 0 and along > cosine:
+            best, cosine = k, along
     return best
 
 
 @compiled
-def _walk(edges: np.ndarray, width: int, x: int, y: int, ux: float, uy: float,
+def _octant(x: float, y: float) -> int:
+    """Return the number (0 to 7) of the neighbour closest to the direction (x, y)."""
+    if abs(y) < TAN_22 * abs(x):
+        return 0 if x > 0 else 4
+    if abs(x) < TAN_22 * abs(y):
+        return 2 if y > 0 else 6
+    if x > 0:
+        return 1 if y > 0 else 7
+    return 3 if y > 0 else 5
+
+
+@compiled
+def _walk(edges: np.ndarray, steps: np.ndarray, x: int, y: int, at: int, ux: float, uy: float,
           xs: np.ndarray, ys: np.ndarray, n: int) -> int:
     """Follow an edge from (x, y) on, appending to xs, ys from row n; return the new n."""
-    at = y * width + x
+    k = _octant(ux, uy)
     while True:
-        k = _next(edges, at, width, ux, uy)
+        k = _next(edges, at, steps, k, ux, uy)
         if k < 0:
             return n
         x += STEP_X[k]
         y += STEP_Y[k]
-        at = y * width + x
+        at += steps[k]
         edges[at] = 0
         xs[n], ys[n] = x, y
         n += 1
@@ -52,38 +79,38 @@ def _walk(edges: np.ndarray, width: int, x: int, y: int, ux: float, uy: float,
 
 
 @compiled
-def _chain(edges: np.ndarray, width: int, x: int, y: int,
-           xs: np.ndarray, ys: np.ndarray, n: int) -> int:
-    """Append the whole chain through the pixel (x, y) from row n on; return the new n."""
-    first = n
-    edges[y * width + x] = 0
-    xs[n], ys[n] = x, y
-    n = _walk(edges, width, x, y, 0.0, 0.0, xs, ys, n + 1)
-    ahead = min(first + 6, n - 1)
-    # Turn the first half round and go on from where it began, away from it.
-    i, j = first, n - 1
-    while i < j:
-        xs[i], xs[j] = xs[j], xs[i]
-        ys[i], ys[j] = ys[j], ys[i]
-        i += 1
-        j -= 1
-    behind = n - 1 - (ahead - first)
-    return _walk(edges, width, x, y, float(x - xs[behind]), float(y - ys[behind]), xs, ys, n)
+def _turn_round(values: np.ndarray, first: int, last: int) -> None:
+    while first < last:
+        values[first], values[last] = values[last], values[first]
+        first += 1
+        last -= 1
 
 
 @compiled
-def trace(edges: np.ndarray, words: np.ndarray, width: int, shortest: int,
-          xs: np.ndarray, ys: np.ndarray, offsets: np.ndarray) -> int:
+def _chain(edges: np.ndarray, steps: np.ndarray, x: int, y: int, at: int, ux: float, uy: float,
+           xs: np.ndarray, ys: np.ndarray, n: int) -> int:
+    """Append the whole chain through the pixel (x, y) from row n on; return the new n."""
+    edges[at] = 0
+    end = _walk(edges, steps, x, y, at, ux, uy, xs, ys, n)
+    # Turn round what has been walked, and go on from where it began in the other direction.
+    _turn_round(xs, n, end - 1)
+    _turn_round(ys, n, end - 1)
+    xs[end], ys[end] = x, y
+    return _walk(edges, steps, x, y, at, -ux, -uy, xs, ys, end + 1)
+
+
+@compiled
+def trace(dx: np.ndarray, dy: np.ndarray, edges: np.ndarray, words: np.ndarray, width: int,
+          shortest: int, xs: np.ndarray, ys: np.ndarray, offsets: np.ndarray) -> int:
     """
-    Cut an edge map into chains; the map is zero afterwards.
+    Cut an edge map into chains, each begun at a strong pixel; their pixels are taken out of it.
 
     Parameters
     ----------
-    edges
-        (S,) uint8, the rows of the edge map one behind the other, not zero at edge pixels, with
-        its outermost rows and columns zero; S is a multiple of 8.
-    words
-        The same memory as (S / 8,) uint64: most of it is empty, and is skipped by the word.
+    dx, dy
+        (H W,) int16 gradients: a chain starts out at right angles to them.
+    edges, words
+        The edge map as :func:`edges.thin` leaves it.
     width
         Pixels in a row.
     shortest
@@ -98,15 +125,19 @@ def trace(edges: np.ndarray, words: np.ndarray, width: int, shortest: int,
     Number of chains.
 
     """
+    steps = STEP_Y * width + STEP_X
     chains, n = 0, 0
     offsets[0] = 0
     for word in range(len(words)):
-        if words[word] == 0:
+        if words[word] & ANY_STRONG == 0:
             continue
         for at in range(8 * word, 8 * word + 8):
-            if edges[at] == 0:
+            if edges[at] != STRONG:
                 continue
-            end = _chain(edges, width, at % width, at // width, xs, ys, n)
+            gx, gy = float(dx[at]), float(dy[at])
+            size = math.sqrt(gx * gx + gy * gy)
+            end = _chain(edges, steps, at % width, at // width, at, -gy / size, gx / size,
+                         xs, ys, n)
             if end - n >= shortest:
                 n = end
                 chains += 1

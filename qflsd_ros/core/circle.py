@@ -41,12 +41,14 @@ def distance(circle: Circle, x: float, y: float) -> float:
 
 
 @compiled
-def through(x0: float, y0: float, x1: float, y1: float, x2: float, y2: float) -> Circle:
+def through(x0: float, y0: float, x1: float, y1: float, x2: float, y2: float,
+            sharpest: float) -> Circle:
     """
     Return the generalised circle through three points, of which the middle one is the origin.
 
-    The points are given in px relative to any origin; the circle's origin is (x1, y1).  It is a
-    line where they are collinear, and (0, 0, 0, 0) where the outer ones coincide with the middle.
+    The points are given in px relative to any origin; the circle's origin is (x1, y1).  Where it
+    would be bent more than ``sharpest`` (1/px), which the noise of close points brings about, it
+    is the line through the outer two; where these coincide, (0, 0, 0, inf): far from all points.
     """
     ax, ay = x0 - x1, y0 - y1
     bx, by = x2 - x1, y2 - y1
@@ -56,27 +58,13 @@ def through(x0: float, y0: float, x1: float, y1: float, x2: float, y2: float) ->
     B = ay * b2 - a2 * by
     C = a2 * bx - ax * b2
     norm = math.sqrt(B * B + C * C)
-    if norm == 0.0:
-        return 0.0, 0.0, 0.0, 0.0
-    return A / norm, B / norm, C / norm, 0.0
-
-
-@compiled
-def solve3(m: np.ndarray, inverse: np.ndarray) -> bool:
-    """Invert the symmetric positive 3 x 3 matrix m; False where it is singular."""
-    c00 = m[1, 1] * m[2, 2] - m[1, 2] * m[1, 2]
-    c01 = m[0, 2] * m[1, 2] - m[0, 1] * m[2, 2]
-    c02 = m[0, 1] * m[1, 2] - m[0, 2] * m[1, 1]
-    det = m[0, 0] * c00 + m[0, 1] * c01 + m[0, 2] * c02
-    if not det > 1e-12 * m[0, 0] * m[1, 1] * m[2, 2]:
-        return False
-    inverse[0, 0] = c00 / det
-    inverse[0, 1] = inverse[1, 0] = c01 / det
-    inverse[0, 2] = inverse[2, 0] = c02 / det
-    inverse[1, 1] = (m[0, 0] * m[2, 2] - m[0, 2] * m[0, 2]) / det
-    inverse[1, 2] = inverse[2, 1] = (m[0, 1] * m[0, 2] - m[0, 0] * m[1, 2]) / det
-    inverse[2, 2] = (m[0, 0] * m[1, 1] - m[0, 1] * m[0, 1]) / det
-    return True
+    if 2 * abs(A) <= sharpest * norm and norm > 0.0:
+        return A / norm, B / norm, C / norm, 0.0
+    ux, uy = bx - ax, by - ay
+    chord = math.sqrt(ux * ux + uy * uy)
+    if chord == 0.0:
+        return 0.0, 0.0, 0.0, np.inf
+    return 0.0, -uy / chord, ux / chord, (ax * uy - ay * ux) / chord
 
 
 # What a fit is: one row of a float64 array.
@@ -87,14 +75,14 @@ NOISE_FLOOR = 0.05          # px, the least standard deviation that a point is b
 
 @compiled
 def fit(px: np.ndarray, py: np.ndarray, weight: np.ndarray, first: int, last: int,
-        significance: float, out: np.ndarray) -> bool:
+        significance: float, sharpest: float, out: np.ndarray) -> bool:
     """
     Fit the generalised circle to points first to last by least squares.
 
     In a frame with its origin at the middle point and its x axis along the chord, C is close to 1
     all along the arc, so that minimising sum w (A (x^2 + y^2) + B x + D + y)^2 minimises the
     distances, without the bias of equation (8).  A line (A = 0) is fitted instead where A is not
-    larger than ``significance`` standard deviations.
+    larger than ``significance`` standard deviations, or the curvature is above ``sharpest``, 1/px.
 
     Parameters
     ----------
@@ -118,8 +106,6 @@ def fit(px: np.ndarray, py: np.ndarray, weight: np.ndarray, first: int, last: in
     if size == 0.0:
         return False
     ux, uy = ux / size, uy / size
-    m = np.zeros((3, 3))
-    inverse = np.zeros((3, 3))
     szz = szt = sz = stt = st = sw = szv = stv = sv = svv = 0.0
     weighted = len(weight) > 0
     for i in range(first, last + 1):
@@ -137,17 +123,20 @@ def fit(px: np.ndarray, py: np.ndarray, weight: np.ndarray, first: int, last: in
         stv += w * t * v
         sv += w * v
         svv += w * v * v
-    m[0, 0], m[0, 1], m[0, 2], m[1, 1], m[1, 2], m[2, 2] = szz, szt, sz, stt, st, sw
+    # The inverse of the symmetric matrix of the normal equations, by its cofactors.
+    caa, cab, cad = stt * sw - st * st, sz * st - szt * sw, szt * st - sz * stt
+    cbb, cbd, cdd = szz * sw - sz * sz, szt * sz - szz * st, szz * stt - szt * szt
+    det = szz * caa + szt * cab + sz * cad
     a = var_a = 0.0
-    curved = solve3(m, inverse)
+    curved = det > 1e-12 * szz * stt * sw
     if curved:
-        a = -(inverse[0, 0] * szv + inverse[0, 1] * stv + inverse[0, 2] * sv)
-        b = -(inverse[0, 1] * szv + inverse[1, 1] * stv + inverse[1, 2] * sv)
-        d = -(inverse[0, 2] * szv + inverse[1, 2] * stv + inverse[2, 2] * sv)
+        a = -(caa * szv + cab * stv + cad * sv) / det
+        b = -(cab * szv + cbb * stv + cbd * sv) / det
+        d = -(cad * szv + cbd * stv + cdd * sv) / det
         rss = max(0.0, svv + a * szv + b * stv + d * sv)
         variance = max(rss / max(sw - 3.0, 1.0), NOISE_FLOOR ** 2)
-        var_a, var_d = variance * inverse[0, 0], variance * inverse[2, 2]
-        curved = a * a > significance ** 2 * var_a
+        var_a, var_d = variance * caa / det, variance * cdd / det
+        curved = a * a > significance ** 2 * var_a and 2 * abs(a) <= sharpest
     if not curved:
         det = stt * sw - st * st
         if not det > 0.0:

@@ -73,15 +73,19 @@ class Detector:
     def _find_chains(self, gray: np.ndarray) -> int:
         """Step 1: leave the chains of the image's edges in memory; return their number."""
         parameters, (height, width) = self.parameters, gray.shape
-        if self._memory.edges.shape != gray.shape:
+        if self._memory.shape != gray.shape:
             self._memory = _Memory(height, width)
         memory = self._memory
-        dx, dy = edges.gradients(gray, parameters.blur_sigma)
-        edges.edge_map(dx, dy, parameters.contrast_low, parameters.contrast_high, memory.edges)
-        memory.reserve(int(np.count_nonzero(memory.flat)))
-        count = chains.trace(memory.flat, memory.words, width, SHORTEST, memory.xs, memory.ys,
-                             memory.offsets)
-        edges.locate(dx.reshape(-1), dy.reshape(-1), width, memory.xs, memory.ys,
+        edges.gradients(gray, parameters.blur_sigma, memory.blurred, memory.dx, memory.dy)
+        dx, dy = memory.dx.reshape(-1), memory.dy.reshape(-1)
+        magnitude = memory.magnitude.reshape(-1)
+        edges.magnitudes(dx, dy, magnitude)
+        memory.reserve(edges.thin(memory.dx, memory.dy, memory.magnitude,
+                                  parameters.contrast_low, parameters.contrast_high,
+                                  memory.edges))
+        count = chains.trace(dx, dy, memory.flat, memory.words, width, SHORTEST,
+                             memory.xs, memory.ys, memory.offsets)
+        edges.locate(dx, dy, magnitude, width, memory.xs, memory.ys,
                      memory.offsets[count], memory.px, memory.py)
         return count
 
@@ -96,7 +100,7 @@ class Detector:
     def _assemble(self, pieces: joining.Pieces) -> Arcs:
         """Step 6: join the pieces and describe the arcs."""
         memory, parameters = self._memory, self.parameters
-        height, width = memory.edges.shape
+        height, width = memory.shape
         joined = joining.join(pieces, height, width, parameters.max_gap, parameters.tolerance,
                               SIGNIFICANCE, self._sharpest())
         return assembly.assemble(pieces, joined, memory.xs, memory.ys, memory.px, memory.py,
@@ -109,7 +113,7 @@ class Detector:
         Equation (4) has the radius sqrt((e^2 + f^2) / 4 - 1 / lambda) >= 1 / sqrt(-lambda): the
         picture of a straight edge cannot be bent more, whatever lies in the image.
         """
-        return 1 / (self.parameters.min_radius * math.hypot(*self._memory.edges.shape) / 2)
+        return 1 / (self.parameters.min_radius * math.hypot(*self._memory.shape) / 2)
 
 
 def _check(gray: np.ndarray) -> None:
@@ -125,9 +129,13 @@ class _Memory:
     """What is needed for images of one size, kept from frame to frame."""
 
     def __init__(self, height: int, width: int) -> None:
+        self.shape = height, width
+        self.blurred = np.empty(self.shape, np.uint8)
+        self.dx, self.dy = np.empty(self.shape, np.int16), np.empty(self.shape, np.int16)
+        self.magnitude = np.empty(self.shape, np.float32)
         self.flat = np.zeros((height * width + 7) // 8 * 8, np.uint8)
         self.words = self.flat.view(np.uint64)
-        self.edges = self.flat[:height * width].reshape(height, width)
+        self.edges = self.flat[:height * width].reshape(self.shape)
         self.reserve(1)
 
     def reserve(self, edge_pixels: int) -> None:

@@ -1,7 +1,7 @@
 """
 Step 1a: gradients, Canny's edge map, and where between the pixels an edge lies.
 
-The gradients are Sobel's: a step of h grey levels gives 4 h, in int16.
+Gradients are in grey levels: a step of h grey levels across an edge gives the magnitude h.
 References: J. Canny, A computational approach to edge detection, PAMI 1986; F. Devernay, A
 non-maxima suppression method for edge detection with sub-pixel accuracy, INRIA RR-2724, 1995.
 """
@@ -10,36 +10,90 @@ from __future__ import annotations
 import math
 
 import cv2
+from numba import njit
 import numpy as np
 
 from qflsd_ros.core.circle import compiled
 
-SOBEL_GAIN = 4.0        # Sobel's response to a step of one grey level
+SOBEL_GAIN = 4.0                # Sobel's response to a step of one grey level
+WEAK, STRONG = 1, 2             # what an edge pixel is in the edge map
+TAN_22 = math.sqrt(2) - 1       # tangent of 22.5 degrees
 
 
-def gradients(gray: np.ndarray, blur_sigma: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the Sobel gradients (dx, dy), (H, W) int16 each, of a blurred (H, W) uint8 image."""
+def gradients(gray: np.ndarray, blur_sigma: float, blurred: np.ndarray,
+              dx: np.ndarray, dy: np.ndarray) -> None:
+    """Write the Sobel gradients of a blurred (H, W) uint8 image to (H, W) int16 dx and dy."""
     if blur_sigma > 0:
-        reach = max(1, math.ceil(2 * blur_sigma))
-        size = (2 * reach + 1, 2 * reach + 1)
-        gray = cv2.GaussianBlur(gray, size, blur_sigma, borderType=cv2.BORDER_REPLICATE)
-    return cv2.spatialGradient(gray, ksize=3, borderType=cv2.BORDER_REPLICATE)
-
-
-def edge_map(dx: np.ndarray, dy: np.ndarray, low: float, high: float, out: np.ndarray) -> None:
-    """
-    Write Canny's edge map, (H, W) uint8, to ``out``; its outermost rows and columns are zero.
-
-    ``low`` and ``high`` are steps across an edge in grey levels.
-    """
-    cv2.Canny(dx, dy, SOBEL_GAIN * low, SOBEL_GAIN * high, out, L2gradient=True)
-    out[0], out[-1] = 0, 0
-    out[:, 0], out[:, -1] = 0, 0
+        side = 2 * max(1, math.ceil(2 * blur_sigma)) + 1
+        gray = cv2.GaussianBlur(gray, (side, side), blur_sigma, blurred,
+                                borderType=cv2.BORDER_REPLICATE)
+    cv2.spatialGradient(gray, dx, dy, ksize=3, borderType=cv2.BORDER_REPLICATE)
 
 
 @compiled
-def locate(dx: np.ndarray, dy: np.ndarray, width: int, xs: np.ndarray, ys: np.ndarray, n: int,
-           px: np.ndarray, py: np.ndarray) -> None:
+def magnitudes(dx: np.ndarray, dy: np.ndarray, magnitude: np.ndarray) -> None:
+    """Write the gradient's magnitude in grey levels; all (H W,), dx, dy int16, else float32."""
+    scale = np.float32(1 / SOBEL_GAIN)
+    for i in range(len(dx)):
+        x, y = np.float32(dx[i]), np.float32(dy[i])
+        magnitude[i] = scale * np.float32(math.sqrt(x * x + y * y))
+
+
+@compiled
+def thin(dx: np.ndarray, dy: np.ndarray, magnitude: np.ndarray, low: float, high: float,
+         edges: np.ndarray) -> int:
+    """
+    Find the pixels at which the magnitude is largest across the edge (Canny).
+
+    The loop has no branches, so that the compiler can do several pixels at once.
+
+    Parameters
+    ----------
+    dx, dy, magnitude
+        (H, W), int16 and float32, as :func:`gradients` and :func:`magnitudes` leave them.
+    low, high
+        Magnitudes in grey levels from which on a pixel is weak or strong.
+    edges
+        (H, W) uint8, takes WEAK or STRONG at edge pixels, 0 elsewhere and in the outermost rows
+        and columns.
+
+    Returns
+    -------
+    Number of edge pixels.
+
+    """
+    height, width = magnitude.shape
+    tangent, low, high = np.float32(TAN_22), np.float32(low), np.float32(high)
+    edges[0], edges[height - 1], edges[:, 0], edges[:, width - 1] = 0, 0, 0, 0
+    count = 0
+    for row in range(1, height - 1):
+        gx, gy, out = dx[row, 1:-1], dy[row, 1:-1], edges[row, 1:-1]
+        up, here, down = magnitude[row - 1], magnitude[row], magnitude[row + 1]
+        up_left, up_mid, up_right = up[:-2], up[1:-1], up[2:]
+        left, mid, right = here[:-2], here[1:-1], here[2:]
+        down_left, down_mid, down_right = down[:-2], down[1:-1], down[2:]
+        found = np.int32(0)
+        for i in range(width - 2):
+            x, y = np.float32(gx[i]), np.float32(gy[i])
+            ul, um, ur, ll, m, rr = up_left[i], up_mid[i], up_right[i], left[i], mid[i], right[i]
+            dl, dm, dr = down_left[i], down_mid[i], down_right[i]
+            falling = x * y > 0
+            before = ul if falling else ur
+            after = dr if falling else dl
+            before = um if abs(x) < tangent * abs(y) else before
+            after = dm if abs(x) < tangent * abs(y) else after
+            before = ll if abs(y) < tangent * abs(x) else before
+            after = rr if abs(y) < tangent * abs(x) else after
+            edge = (m > before) & (m >= after) & (m >= low)
+            out[i] = np.uint8(edge) + np.uint8(edge & (m >= high))
+            found += np.int32(edge)
+        count += found
+    return count
+
+
+@compiled
+def locate(dx: np.ndarray, dy: np.ndarray, magnitude: np.ndarray, width: int,
+           xs: np.ndarray, ys: np.ndarray, n: int, px: np.ndarray, py: np.ndarray) -> None:
     """
     Find the subpixel positions of edge pixels, after Devernay.
 
@@ -48,8 +102,8 @@ def locate(dx: np.ndarray, dy: np.ndarray, width: int, xs: np.ndarray, ys: np.nd
 
     Parameters
     ----------
-    dx, dy
-        (H W,) int16, the gradients, row by row.
+    dx, dy, magnitude
+        (H W,) as :func:`magnitudes` leaves them.
     width
         Pixels in a row.
     xs, ys
@@ -58,17 +112,15 @@ def locate(dx: np.ndarray, dy: np.ndarray, width: int, xs: np.ndarray, ys: np.nd
         (E,) float32, takes the positions, px.
 
     """
+    half = np.float32(0.5)
     for i in range(n):
         at = ys[i] * width + xs[i]
         across_x = abs(dx[at]) >= abs(dy[at])
         step = 1 if across_x else width
-        before, here, after = at - step, at, at + step
-        a = math.sqrt(np.float32(dx[before]) ** 2 + np.float32(dy[before]) ** 2)
-        b = math.sqrt(np.float32(dx[here]) ** 2 + np.float32(dy[here]) ** 2)
-        c = math.sqrt(np.float32(dx[after]) ** 2 + np.float32(dy[after]) ** 2)
+        a, b, c = magnitude[at - step], magnitude[at], magnitude[at + step]
         bend = a - 2 * b + c
         offset = np.float32(0)
         if bend < 0:
-            offset = min(max(np.float32(0.5) * (a - c) / bend, np.float32(-0.5)), np.float32(0.5))
+            offset = min(max(half * (a - c) / bend, -half), half)
         px[i] = xs[i] + (offset if across_x else np.float32(0))
         py[i] = ys[i] + (np.float32(0) if across_x else offset)

@@ -43,9 +43,10 @@ def _hypothesis(px: np.ndarray, py: np.ndarray, first: int, last: int, begin: in
                 tolerance: float, sharpest: float) -> tuple[int, int]:
     """Return the run within first to last that fits the circle through a window, or (0, -1)."""
     middle = (begin + end) // 2
-    model = circle.through(px[begin], py[begin], px[middle], py[middle], px[end], py[end])
+    model = circle.through(px[begin], py[begin], px[middle], py[middle], px[end], py[end],
+                           sharpest)
     ox, oy = px[middle], py[middle]
-    if (abs(2 * model[0]) > sharpest or (model[1] == 0.0 and model[2] == 0.0)
+    if (not _fits(model, ox, oy, px, py, middle, tolerance)
             or not _fits(model, ox, oy, px, py, (begin + middle) // 2, tolerance)
             or not _fits(model, ox, oy, px, py, (middle + end) // 2, tolerance)):
         return 0, -1
@@ -75,8 +76,7 @@ def _refit(px: np.ndarray, py: np.ndarray, first: int, last: int, lo: int, hi: i
     """Fit a run, grow it and fit again; return the run that ``out`` was fitted to, or (0, -1)."""
     nothing = np.zeros(0)
     for turn in range(REFITS):
-        if not circle.fit(px, py, nothing, lo, hi, significance, out) \
-                or abs(2 * out[2]) > sharpest:
+        if not circle.fit(px, py, nothing, lo, hi, significance, sharpest, out):
             return 0, -1
         model = (out[2], out[3], out[4], out[5])
         new_lo, new_hi = _run(model, out[0], out[1], px, py, first, last, (lo + hi) // 2,
@@ -86,7 +86,7 @@ def _refit(px: np.ndarray, py: np.ndarray, first: int, last: int, lo: int, hi: i
         lo, hi = new_lo, new_hi
     if hi - lo < 2:
         return 0, -1
-    circle.fit(px, py, nothing, lo, hi, significance, out)
+    circle.fit(px, py, nothing, lo, hi, significance, sharpest, out)
     return lo, hi
 
 

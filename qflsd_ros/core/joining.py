@@ -135,9 +135,10 @@ def _append(pieces: Pieces, piece: int, side: int, nodes: np.ndarray, n: int) ->
 def _agrees(nodes: np.ndarray, n: int, fewer: float, tolerance: float, significance: float,
             sharpest: float, model: np.ndarray) -> bool:
     """Fit the first n nodes; is it one arc, from which none of its pieces departs?"""
-    if not circle.fit(nodes[0], nodes[1], nodes[2], 0, n - 1, significance, model):
+    if not circle.fit(nodes[0], nodes[1], nodes[2], 0, n - 1, significance, sharpest,
+                      model):
         return False
-    if abs(2 * model[2]) > sharpest or model[6] > MISFIT ** 2 * fewer:
+    if model[6] > MISFIT ** 2 * fewer:
         return False
     curve = (model[2], model[3], model[4], model[5])
     for k in range(n):
@@ -226,7 +227,8 @@ def join(pieces: Pieces, height: int, width: int, max_gap: float, tolerance: flo
             _reverse(nodes, n)
             members[first:placed] = members[first:placed][::-1].copy()
             members[first:placed, 1] = 1 - members[first:placed, 1]
-        circle.fit(nodes[0], nodes[1], nodes[2], 0, n - 1, significance, fits[arcs])
+        circle.fit(nodes[0], nodes[1], nodes[2], 0, n - 1, significance, sharpest,
+                   fits[arcs])
         fits[arcs, 6] += residual
         arcs += 1
         offsets[arcs] = placed

@@ -15,8 +15,8 @@ import math
 import cv2
 import numpy as np
 
-from qflsd_ros.core import edges
 from qflsd_ros.core.arcs import Arcs, TABLE
+from qflsd_ros.core.edges import SOBEL_GAIN
 from qflsd_ros.core.parameters import Parameters
 
 DRAWS = 20          # open: attempts at three points that are not collinear
@@ -120,9 +120,10 @@ def contours(gray: np.ndarray, parameters: Parameters) -> list[np.ndarray]:
 
     Open: "the image size" of the 1/20 is taken for the mean of width and height.
     """
-    dx, dy = edges.gradients(gray, parameters.blur_sigma)
-    edge_map = np.zeros(gray.shape, np.uint8)
-    edges.edge_map(dx, dy, parameters.contrast_low, parameters.contrast_high, edge_map)
+    if parameters.blur_sigma > 0:
+        gray = cv2.GaussianBlur(gray, (0, 0), parameters.blur_sigma)
+    low, high = parameters.contrast_low, parameters.contrast_high
+    edge_map = cv2.Canny(gray, SOBEL_GAIN * low, SOBEL_GAIN * high, L2gradient=True)
     found, _ = cv2.findContours(edge_map, cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
     shortest = parameters.paper_min_contour * sum(gray.shape) / 2
     return [c.reshape(-1, 2).astype(float) for c in found if len(c) >= shortest]
