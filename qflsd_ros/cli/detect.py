@@ -1,0 +1,180 @@
+"""The command ``detect``: images, folders, globs and videos in, overlays, CSV and JSON out."""
+from __future__ import annotations
+
+import argparse
+from concurrent.futures import as_completed, FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from dataclasses import dataclass
+import multiprocessing
+from pathlib import Path
+import signal
+import sys
+import time
+from typing import Callable, Iterable, Iterator
+
+import cv2
+from qflsd_ros.cli import inputs, results, settings
+from qflsd_ros.cli.inputs import InputError, Picture
+from qflsd_ros.cli.settings import SettingsError
+from qflsd_ros.core import Detector, Parameters
+from tqdm import tqdm
+
+FAILED, USAGE, INTERRUPTED = 1, 2, 130  # exit codes
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of one picture: arcs and CPU time (s) of their detection, or what went wrong."""
+
+    arcs: int = 0
+    seconds: float = 0.0
+    error: str = ''
+
+
+class Work:
+    """Detects arcs in a picture and writes its results; sent to every worker process once."""
+
+    def __init__(self, parameters: Parameters, folder: Path) -> None:
+        """Take the parameters and the folder of the results, and make the detector ready."""
+        self._folder = folder
+        self._detector = Detector(parameters)
+        self._detector.warm_up()
+
+    def __call__(self, picture: Picture) -> Outcome:
+        """Work on one picture."""
+        try:
+            pixels = picture.read()
+            gray = cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY)
+            begin = time.process_time()
+            arcs = self._detector.detect(gray)
+            seconds = time.process_time() - begin
+            results.write(self._folder, picture, pixels, arcs, self._detector.parameters)
+        except InputError as error:
+            return Outcome(error=str(error))
+        except OSError as error:
+            return Outcome(error=f'results of {picture.name!r} cannot be written: {error}')
+        return Outcome(len(arcs), seconds)
+
+
+_work: Work | None = None  # of a worker process
+
+
+def _start_worker(parameters: Parameters, folder: Path) -> None:
+    global _work
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the main process ends the workers
+    cv2.setNumThreads(1)
+    _work = Work(parameters, folder)
+
+
+def _run_worker(picture: Picture) -> Outcome:
+    assert _work is not None
+    return _work(picture)
+
+
+def outcomes(pictures: Iterable[Picture], parameters: Parameters, folder: Path,
+             jobs: int) -> Iterator[Outcome]:
+    """Work on pictures in ``jobs`` processes; return what came of them as they are done."""
+    work = Work(parameters, folder)  # compiles the kernels once, before the workers load them
+    if jobs == 1:
+        yield from map(work, pictures)
+        return
+    with ProcessPoolExecutor(jobs, multiprocessing.get_context('spawn'),
+                             _start_worker, (parameters, folder)) as pool:
+        running: set[Future[Outcome]] = set()
+        for picture in pictures:
+            running.add(pool.submit(_run_worker, picture))
+            if len(running) == 2 * jobs:  # frames of a video must not pile up
+                done, running = wait(running, return_when=FIRST_COMPLETED)
+                yield from (future.result() for future in done)
+        yield from (future.result() for future in as_completed(running))
+
+
+def readable(files: list[Path], complain: Callable[[str], None]) -> Iterator[Picture]:
+    """Return the pictures of all files; complain about a video that cannot be read."""
+    for path, name in zip(files, inputs.names(files)):
+        try:
+            yield from inputs.pictures(path, name)
+        except InputError as error:
+            complain(str(error))
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the parser of the command line."""
+    result = argparse.ArgumentParser(
+        prog='detect', allow_abbrev=False,
+        description='Finds the arcs in images and writes, for each, an overlay (PNG), a table '
+        '(CSV) and everything (JSON).  Flags win over the parameter file.')
+    result.add_argument('input', nargs='+', metavar='INPUT',
+                        help='image, video, folder of them, or glob pattern')
+    result.add_argument('--output', type=Path, default=Path('output'), metavar='DIR',
+                        help='folder of the results (default: %(default)s)')
+    result.add_argument('--jobs', type=int, default=1, metavar='N',
+                        help='number of processes (default: %(default)s)')
+    result.add_argument('--params', type=Path, metavar='FILE',
+                        help='ROS parameter file, as config/detector.yaml')
+    settings.add_flags(result)
+    return result
+
+
+def check(arguments: argparse.Namespace, files: list[Path]) -> None:
+    """Raise :class:`SettingsError` where nothing can be done, or too much would be."""
+    if arguments.jobs < 1:
+        raise SettingsError(f'--jobs is {arguments.jobs}: must be at least 1')
+    if not files:
+        raise SettingsError('no input found: INPUT must be an image, a video, a folder of them '
+                            'or a glob pattern that matches some')
+    folder = arguments.output
+    written = {(folder / f'{name}.png').resolve() for name in inputs.names(files)}
+    for path in files:
+        if path.resolve() in written:
+            raise SettingsError(f'{str(path)!r} would be overwritten by its own results: '
+                                'choose another folder by --output')
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise SettingsError(f'--output {str(folder)!r}: {error.strerror}') from error
+
+
+def run(files: list[Path], missing: list[str], parameters: Parameters, folder: Path,
+        jobs: int) -> int:
+    """Work on all files, say what came of it, and return the exit code."""
+    begin, done, errors = time.perf_counter(), [], []
+    total = sum(map(inputs.count, files))
+    with tqdm(total=total, unit='image', disable=True if total == 1 else None) as progress:
+        def complain(text: str) -> None:
+            errors.append(text)
+            progress.write(f'detect: {text}', file=sys.stderr)
+
+        for argument in missing:
+            complain(f'{argument!r}: no such file, and no file matches it')
+        for outcome in outcomes(readable(files, complain), parameters, folder, jobs):
+            progress.update()
+            if outcome.error:
+                complain(outcome.error)
+            else:
+                done.append(outcome)
+    milliseconds = 1e3 * sum(outcome.seconds for outcome in done) / max(1, len(done))
+    print(f'{len(done)} images, {sum(outcome.arcs for outcome in done)} arcs in '
+          f'{time.perf_counter() - begin:.1f} s, {milliseconds:.2f} ms of detection (CPU) per '
+          f'image, {len(errors)} failed; results in {folder}')
+    return FAILED if errors else 0
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the command; return its exit code."""
+    arguments = parser().parse_args(args)
+    files, missing = inputs.find(arguments.input)
+    try:
+        check(arguments, files)
+        parameters = settings.read(arguments)
+    except SettingsError as error:
+        print(f'detect: {error}', file=sys.stderr)
+        return USAGE
+    try:
+        return run(files, missing, parameters, arguments.output, arguments.jobs)
+    except KeyboardInterrupt:
+        print('detect: interrupted; what is written is whole', file=sys.stderr)
+        return INTERRUPTED
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,169 @@
+"""The pictures that the command line names: files, globs, folders and videos."""
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+import glob
+from pathlib import Path
+from typing import Iterable, Iterator
+
+import cv2
+import numpy as np
+
+IMAGE_SUFFIXES = {'.bmp', '.jpeg', '.jpg', '.pgm', '.png', '.ppm', '.tif', '.tiff', '.webp'}
+VIDEO_SUFFIXES = {'.avi', '.m4v', '.mkv', '.mov', '.mp4', '.mpeg', '.mpg', '.webm'}
+
+
+class InputError(Exception):
+    """An input that cannot be read; the text names it."""
+
+
+@dataclass(frozen=True)
+class Picture:
+    """
+    One picture to work on.
+
+    Attributes
+    ----------
+    path
+        The file that it comes from.
+    name
+        What its results are called, different for every picture.
+    frame
+        Its number in a video, from 0; None for an image file.
+    pixels
+        (H, W, 3) uint8 B, G, R of a frame; None for an image file, which whoever works on it
+        reads.
+
+    """
+
+    path: Path
+    name: str
+    frame: int | None = None
+    pixels: np.ndarray | None = None
+
+    def read(self) -> np.ndarray:
+        """Return (H, W, 3) uint8 B, G, R; raises :class:`InputError`."""
+        return read_image(self.path) if self.pixels is None else self.pixels
+
+
+def read_image(path: Path) -> np.ndarray:
+    """
+    Read an image file as (H, W, 3) uint8 B, G, R, the way the sensor saw it.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or is no image.
+
+    """
+    try:
+        data = np.fromfile(path, np.uint8)
+        # An orientation tag would turn the coordinates.
+        pixels = cv2.imdecode(data, cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
+    except OSError as error:
+        raise InputError(f'{str(path)!r}: {error.strerror}') from error
+    except cv2.error:
+        pixels = None
+    if pixels is None:
+        raise InputError(f'{str(path)!r} is no image that can be read')
+    return pixels
+
+
+def find(arguments: Iterable[str]) -> tuple[list[Path], list[str]]:
+    """
+    Return the files that arguments stand for, each once, in order, and which stand for none.
+
+    An argument is a file, a folder (its images and videos) or a glob pattern.
+    """
+    files: dict[Path, Path] = {}
+    missing = []
+    for argument in arguments:
+        found = list(_expand(argument))
+        if not found:
+            missing.append(argument)
+        for path in found:
+            files.setdefault(path.resolve(), path)
+    return list(files.values()), missing
+
+
+def _expand(argument: str) -> Iterator[Path]:
+    path = Path(argument)
+    matches = [path] if path.exists() else map(Path, sorted(glob.glob(argument, recursive=True)))
+    for match in matches:
+        if match.is_dir():
+            yield from (file for file in sorted(match.iterdir())
+                        if file.suffix.lower() in IMAGE_SUFFIXES | VIDEO_SUFFIXES)
+        else:
+            yield match
+
+
+def is_video(path: Path) -> bool:
+    """Tell a video from an image by the end of its name."""
+    return path.suffix.lower() in VIDEO_SUFFIXES
+
+
+def count(path: Path) -> int:
+    """Return the number of pictures in a file; of a video, what it says of itself."""
+    if not is_video(path):
+        return 1
+    return max(0, int(cv2.VideoCapture(str(path)).get(cv2.CAP_PROP_FRAME_COUNT)))
+
+
+def names(files: list[Path]) -> list[str]:
+    """
+    Return a name for each file, no two alike: its own, with more of its path where it must be.
+
+    Files of one folder that differ in their suffix alone keep it; files of the same name in
+    different folders get the folder's name before theirs.
+    """
+    folders = [path.parent.resolve() for path in files]
+    alike = Counter((folder, path.stem) for folder, path in zip(folders, files))
+    parts = [(*folder.parts[1:], path.stem if alike[folder, path.stem] == 1 else path.name)
+             for folder, path in zip(folders, files)]
+    result = [part[-1] for part in parts]
+    for depth in range(2, max(map(len, parts), default=1) + 1):
+        count = Counter(result)
+        result = [name if count[name] == 1 else '_'.join(part[-depth:])
+                  for name, part in zip(result, parts)]
+    return _numbered(result)
+
+
+def _numbered(wanted: list[str]) -> list[str]:
+    """Give numbers to what is still alike: a_b/c and a/b_c."""
+    taken: set[str] = set()
+    result = []
+    for name in wanted:
+        free, number = name, 1
+        while free in taken or (number > 1 and free in wanted):
+            number += 1
+            free = f'{name}_{number}'
+        taken.add(free)
+        result.append(free)
+    return result
+
+
+def pictures(path: Path, name: str) -> Iterator[Picture]:
+    """
+    Return the picture of an image file, or the frames of a video in order.
+
+    Frames are called ``name/000000`` and so on.  Raises :class:`InputError` where a video cannot
+    be read.
+    """
+    if is_video(path):
+        return _frames(path, name)
+    return iter([Picture(path, name)])
+
+
+def _frames(path: Path, name: str) -> Iterator[Picture]:
+    video = cv2.VideoCapture(str(path))
+    number = 0
+    while True:
+        there, pixels = video.read()
+        if not there:
+            break
+        yield Picture(path, f'{name}/{number:06d}', number, pixels)
+        number += 1
+    video.release()
+    if number == 0:
+        raise InputError(f'{str(path)!r} is no video that can be read')

@@ -1,0 +1,80 @@
+"""The results of one picture as files: overlay (PNG), table (CSV), everything (JSON)."""
+from __future__ import annotations
+
+import csv
+import dataclasses
+import io
+import json
+import os
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from qflsd_ros import overlay
+from qflsd_ros.cli.inputs import Picture
+from qflsd_ros.core import Arcs, Parameters
+
+SUFFIXES = ('.png', '.csv', '.json')
+
+
+def write(folder: Path, picture: Picture, pixels: np.ndarray, arcs: Arcs,
+          parameters: Parameters) -> None:
+    """
+    Write overlay, CSV and JSON of a picture into a folder; each file is whole or not there.
+
+    Raises
+    ------
+    OSError
+        A file cannot be written.
+
+    """
+    base = folder / picture.name
+    base.parent.mkdir(parents=True, exist_ok=True)
+    contents = (cv2.imencode('.png', overlay.draw(pixels, arcs))[1].tobytes(),
+                table(arcs).encode(),
+                description(picture, pixels.shape[:2], arcs, parameters).encode())
+    for suffix, content in zip(SUFFIXES, contents):
+        _replace(base.with_name(base.name + suffix), content)
+
+
+def table(arcs: Arcs) -> str:
+    """Return the arcs as CSV: a header, then a row an arc; start becomes start_x, start_y."""
+    columns = {}
+    for name in arcs.table.dtype.names:
+        column = arcs.table[name]
+        if column.ndim == 1:
+            columns[name] = column.tolist()
+        else:
+            columns.update(zip((f'{name}_x', f'{name}_y'), column.T.tolist()))
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator='\n')
+    writer.writerow(columns)
+    writer.writerows(zip(*columns.values()))
+    return text.getvalue()
+
+
+def description(picture: Picture, shape: tuple[int, int], arcs: Arcs,
+                parameters: Parameters) -> str:
+    """Return a picture of a shape (height, width), its parameters and its arcs as JSON."""
+    names = arcs.table.dtype.names
+    columns = [arcs.table[name].tolist() for name in names]
+    return json.dumps({
+        'image': str(picture.path),
+        'frame': picture.frame,
+        'width': shape[1],
+        'height': shape[0],
+        'parameters': dataclasses.asdict(parameters),
+        'arcs': [dict(zip(names, row)) | {'points': points.tolist()}
+                 for *row, points in zip(*columns, arcs.polylines())],
+    })
+
+
+def _replace(path: Path, content: bytes) -> None:
+    """Write a file so that nobody ever sees half of it."""
+    partial = path.with_name(f'.{path.name}.part')
+    try:
+        partial.write_bytes(content)
+        os.replace(partial, path)
+    finally:
+        partial.unlink(missing_ok=True)
