@@ -28,7 +28,7 @@ def colours(count: int) -> np.ndarray:
     return np.rint(cv2.cvtColor(hsv, cv2.COLOR_HSV2BGR)[:, 0] * 255).astype(np.uint8)
 
 
-def draw(image: np.ndarray, arcs: Arcs, line_width: int = 2) -> np.ndarray:
+def draw(image: np.ndarray, arcs: Arcs, line_width: int = 1) -> np.ndarray:
     """
     Draw every arc on a copy of its image, anti-aliased and in a colour of its own.
 
