@@ -1,0 +1,129 @@
+"""The camera of the synthetic scene: which way each pixel looks, and where a point is seen."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import hypot, nan, sqrt
+
+from numba import njit
+import numpy as np
+
+from qflsd_ros.core.distortion import DivisionModel
+
+FOCAL = 0.9     # half diagonals
+MARGIN = 2.0    # px
+
+compiled = njit(nogil=True, cache=True, error_model='numpy')
+inlined = njit(nogil=True, cache=True, error_model='numpy', forceinline=True)
+
+
+@dataclass(frozen=True)
+class Camera:
+    """
+    A lens at a place in the world.
+
+    The division model is taken as the direction ``(x_d, y_d, focal (1 + lambda r_d^2))`` that a
+    pixel looks in, which holds beyond 90 degrees from the optical axis as well.
+    """
+
+    lens: DivisionModel
+    position: np.ndarray    # (3,) m
+    axes: np.ndarray        # (3, 3): the image's x axis, its y axis, the optical axis as rows
+
+    def numbers(self) -> tuple[float, ...]:
+        """Return all that the compiled functions need to know."""
+        return (*map(float, self.lens.origin), 1 / self.lens.half_diagonal, FOCAL, self.lens.lam,
+                *map(float, self.axes.ravel()))
+
+    def rays(self, points: np.ndarray) -> np.ndarray:
+        """Return the directions in the world that are seen at (..., 2) px; (..., 3)."""
+        q = (np.asarray(points, float) - self.lens.origin) / self.lens.half_diagonal
+        depth = FOCAL * (1 + self.lens.lam * (q ** 2).sum(axis=-1, keepdims=True))
+        return np.concatenate([q, depth], axis=-1) @ self.axes
+
+    def project(self, points: np.ndarray) -> np.ndarray:
+        """Return where points of the world, (..., 3) m, are seen; (..., 2) px, nan if nowhere."""
+        local = (points - self.position) @ self.axes.T
+        side, depth = local[..., :2], local[..., 2:] / FOCAL
+        with np.errstate(invalid='ignore', divide='ignore'):
+            root = np.sqrt(depth ** 2 - 4 * self.lens.lam * (side ** 2).sum(axis=-1, keepdims=True))
+            q = np.where(depth + root > 0, 2 * side / (depth + root), np.nan)
+        return q * self.lens.half_diagonal + self.lens.origin
+
+
+def angles_per_pixel(lens: DivisionModel) -> tuple[float, float]:
+    """Return the smallest and the largest angle in radians that a step of 1 px makes."""
+    r = np.linspace(1e-3, 1, 200)
+    depth = FOCAL * (1 + lens.lam * r ** 2)
+    radial = FOCAL * (1 - lens.lam * r ** 2) / (r ** 2 + depth ** 2)
+    tangential = 1 / np.hypot(r, depth)
+    both = np.concatenate([radial, tangential]) / lens.half_diagonal
+    return float(both.min()), float(both.max())
+
+
+@inlined
+def ray(camera, x, y):
+    """Return the direction in the world that is seen at x, y px."""
+    x0, y0, scale, focal, lam, ax, ay, az, bx, by, bz, cx, cy, cz = camera
+    u, v = (x - x0) * scale, (y - y0) * scale
+    w = focal * (1 + lam * (u * u + v * v))
+    # What lies exactly in a face would divide by 0.
+    return (u * ax + v * bx + w * cx + 1e-12, u * ay + v * by + w * cy + 1e-12,
+            u * az + v * bz + w * cz + 1e-12)
+
+
+@inlined
+def project(camera, px, py, pz):
+    """Return where a point is seen, given relative to the camera in the world's axes; px."""
+    x0, y0, scale, focal, lam, ax, ay, az, bx, by, bz, cx, cy, cz = camera
+    x, y = px * ax + py * ay + pz * az, px * bx + py * by + pz * bz
+    depth = (px * cx + py * cy + pz * cz) / focal
+    square = depth * depth - 4 * lam * (x * x + y * y)
+    if square < 0 or depth + sqrt(square) <= 0:
+        return nan, nan
+    stretch = 2 / ((depth + sqrt(square)) * scale)
+    return x0 + x * stretch, y0 + y * stretch
+
+
+@compiled
+def near_edges(camera, eye, starts, ends, step, size, shape):
+    """
+    Tell which blocks of an image an edge may cross.
+
+    Parameters
+    ----------
+    camera, eye
+        The camera's numbers and its position, three floats, m.
+    starts, ends
+        (N, 3) m, the edges; hidden ones count as well.
+    step
+        Angle in radians that is at most 3 px.
+    size
+        Blocks are size x size px.
+    shape
+        Number of rows and columns of blocks.
+
+    Returns
+    -------
+    busy
+        (rows, columns) bool.
+
+    """
+    rows, columns = shape
+    busy = np.zeros((rows, columns), np.bool_)
+    for number in range(len(starts)):
+        px, py, pz = (starts[number, 0] - eye[0], starts[number, 1] - eye[1],
+                      starts[number, 2] - eye[2])
+        ex, ey, ez = (ends[number, 0] - starts[number, 0], ends[number, 1] - starts[number, 1],
+                      ends[number, 2] - starts[number, 2])
+        length, share = sqrt(ex * ex + ey * ey + ez * ez), 0.0
+        while share < 1:
+            qx, qy, qz = px + share * ex, py + share * ey, pz + share * ez
+            x, y = project(camera, qx, qy, qz)
+            if -1 < x < columns * size and -1 < y < rows * size:
+                left, right = max(int(x - MARGIN), 0) // size, int(x + MARGIN + 1) // size
+                over, below = max(int(y - MARGIN), 0) // size, int(y + MARGIN + 1) // size
+                for row in range(over, min(below + 1, rows)):
+                    for column in range(left, min(right + 1, columns)):
+                        busy[row, column] = True
+            share += step * hypot(hypot(qx, qy), qz) / length
+    return busy
