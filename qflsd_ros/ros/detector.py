@@ -19,12 +19,13 @@ import numpy as np
 from qflsd_ros.core import Arcs, Detector, Parameters
 from qflsd_ros.ros import images, outputs, parameters
 from qflsd_ros.ros.diagnostics import Statistics
-from qflsd_ros.ros.mailbox import Mailbox
 from qflsd_ros.ros.markers import markers
 from qflsd_ros.ros.parameters import NodeParameters, ParameterError
+from qflsd_ros.ros.slot import Slot
 import rclpy
 from rclpy.clock import Clock, ClockType
-from rclpy.event_handler import PublisherEventCallbacks
+from rclpy.event_handler import (
+    PublisherEventCallbacks, QoSMessageLostInfo, SubscriptionEventCallbacks)
 from rclpy.exceptions import NotInitializedException, ParameterException
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
@@ -59,7 +60,7 @@ class Result(NamedTuple):
 class Transport(NamedTuple):
     """A way for images to come: message type, what it appends to the topic, how to read it."""
 
-    type: type
+    message_type: type
     suffix: str
     read: Callable[..., np.ndarray]
 
@@ -115,7 +116,7 @@ class DetectorNode(Node):
         self._active[0].warm_up()
         self._statistics = Statistics()
         self._last_log: dict[str, float] = {}
-        self._mailbox: Mailbox[Frame] = Mailbox()
+        self._slot: Slot[Frame] = Slot()
         self._outputs = [(self._advertise(type_, topic), build) for topic, type_, build in OUTPUTS]
         self._diagnostics = self._advertise(DiagnosticArray, '/diagnostics')
         # Subscribing, if only for a moment, finds a bad QoS override now and not in mid-flight.
@@ -129,7 +130,7 @@ class DetectorNode(Node):
 
     def close(self) -> None:
         """End the detection thread, then the node."""
-        self._mailbox.close()
+        self._slot.close()
         self._worker.join()
         self.destroy_node()
 
@@ -155,8 +156,9 @@ class DetectorNode(Node):
         # The suffix follows the remapped name, as with image_transport.
         topic = self.resolve_topic_name('image') + self._transport.suffix
         return self.create_subscription(
-            self._transport.type, topic, self._receive,
+            self._transport.message_type, topic, self._receive,
             QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT),
+            event_callbacks=SubscriptionEventCallbacks(message_lost=self._count_lost),
             qos_overriding_options=QoSOverridingOptions.with_default_policies())
 
     def _follow_listeners(self) -> None:
@@ -169,11 +171,14 @@ class DetectorNode(Node):
 
     def _receive(self, message: Image | CompressedImage) -> None:
         self._statistics.arrived()
-        if self._mailbox.put(Frame(message, time.monotonic())):
+        if self._slot.put(Frame(message, time.monotonic())):
             self._statistics.dropped()
 
+    def _count_lost(self, event: QoSMessageLostInfo) -> None:
+        self._statistics.lost(event.total_count_change)
+
     def _work(self) -> None:
-        for frame in self._mailbox:
+        for frame in self._slot:
             try:
                 self._process(frame)
             except images.ImageError as error:

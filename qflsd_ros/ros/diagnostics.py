@@ -16,6 +16,7 @@ class Window:
 
     begin: float = field(default_factory=time.monotonic)
     arrived: int = 0
+    lost: int = 0
     dropped: int = 0
     bad: Counter[str] = field(default_factory=Counter)
     latencies: list[float] = field(default_factory=list)
@@ -29,13 +30,19 @@ class Statistics:
     def __init__(self) -> None:
         self._lock = Lock()
         self._window = Window()
-        self._frames = self._dropped = 0
+        self._frames = self._lost = self._dropped = 0
         self._bad: Counter[str] = Counter()
 
     def arrived(self) -> None:
         """Count a frame that came in."""
         with self._lock:
             self._window.arrived += 1
+
+    def lost(self, count: int) -> None:
+        """Count frames that the middleware lost on their way here."""
+        with self._lock:
+            self._window.lost += count
+            self._lost += count
 
     def dropped(self) -> None:
         """Count a frame that a newer one replaced before its turn."""
@@ -71,12 +78,13 @@ class Statistics:
         """
         with self._lock:
             window, self._window = self._window, Window()
-            frames, dropped, bad = self._frames, self._dropped, self._bad.copy()
+            bad = self._bad.copy()
+            totals = {'frames': self._frames, 'frames lost': self._lost,
+                      'frames dropped': self._dropped, 'frames bad': sum(bad.values())}
         warnings = _warnings(window, max_age) if listening else []
         status.level = DiagnosticStatus.WARN if warnings else DiagnosticStatus.OK
         status.message = '; '.join(warnings) or ('detecting' if listening else 'nobody listens')
-        values = _values(window) | {
-            'frames': frames, 'frames dropped': dropped, 'frames bad': sum(bad.values())}
+        values = _values(window) | totals
         values |= {f'frames bad: {reason}': count for reason, count in sorted(bad.items())}
         status.values += [KeyValue(key=key, value=str(value)) for key, value in values.items()]
 
@@ -88,6 +96,8 @@ def _warnings(window: Window, max_age: float) -> list[str]:
     if window.bad:
         reasons = ', '.join(sorted(window.bad))
         warnings.append(f'{sum(window.bad.values())} bad frames ({reasons})')
+    if window.lost:
+        warnings.append(f'{window.lost} frames lost on the way here, see config/fastdds.xml')
     if window.dropped:
         warnings.append(f'{window.dropped} of {window.arrived} frames dropped')
     if max_age and window.ages and np.median(window.ages) > max_age:

@@ -58,11 +58,11 @@ def _lines(arcs: Arcs, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
     points, counts = arcs.vertices(tolerance)
     first = np.delete(np.arange(len(points)), np.cumsum(counts) - 1)
     ends = np.stack([first, first + 1], axis=1).ravel()
-    lines = np.zeros((len(ends), 3), '<f8')
-    lines[:, :2] = points[ends]
+    flat = np.zeros((len(points), 3), '<f8')
+    flat[:, :2] = points
     palette = np.ones((len(arcs), 4), '<f4')
     palette[:, :3] = overlay.colours(len(arcs))[:, ::-1] / 255
-    return lines, np.repeat(palette, 2 * (counts - 1), axis=0)
+    return flat.take(ends, axis=0), np.repeat(palette, 2 * (counts - 1), axis=0)
 
 
 def _spliced(marker: Marker, points: np.ndarray, colours: np.ndarray) -> bytes:

@@ -2,7 +2,6 @@
 from __future__ import annotations
 
 from array import array
-import sys
 
 from builtin_interfaces.msg import Time
 from hypothesis import given, settings, strategies as st
@@ -124,7 +123,6 @@ def test_markers_are_what_the_real_serialiser_reads(frame: str, count: int, sec:
     assert all(colour.a == 1 for colour in marker.colors)
 
 
-@pytest.mark.skipif(sys.byteorder == 'big', reason='CDR is spliced on little-endian machines')
 def test_markers_of_an_empty_result_delete_the_last_ones() -> None:
     marker, = deserialize_message(markers(HEADER, Arcs.empty(), 0.1, 0.01, 2), MarkerArray).markers
     assert (marker.action, marker.ns, marker.id) == (Marker.DELETE, 'arcs', 0)

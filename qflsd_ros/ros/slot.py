@@ -7,11 +7,11 @@ from typing import Generic, Iterator, TypeVar
 Item = TypeVar('Item')
 
 
-class Mailbox(Generic[Item]):
+class Slot(Generic[Item]):
     """
     A place for one item: the newest replaces one that nobody has taken yet.
 
-    Iterating takes item after item, waiting for each, until the mailbox is closed.
+    Iterating takes item after item, waiting for each, until the slot is closed.
     """
 
     def __init__(self) -> None:

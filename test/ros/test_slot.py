@@ -3,24 +3,24 @@ from __future__ import annotations
 
 from threading import Thread
 
-from qflsd_ros.ros.mailbox import Mailbox
+from qflsd_ros.ros.slot import Slot
 
 
 def test_the_newest_replaces_what_nobody_took() -> None:
-    mailbox: Mailbox[int] = Mailbox()
-    assert not mailbox.put(1)
-    assert mailbox.put(2)
-    assert next(iter(mailbox)) == 2
-    assert not mailbox.put(3)
+    slot: Slot[int] = Slot()
+    assert not slot.put(1)
+    assert slot.put(2)
+    assert next(iter(slot)) == 2
+    assert not slot.put(3)
 
 
 def test_close_ends_the_iteration_of_another_thread() -> None:
-    mailbox: Mailbox[int] = Mailbox()
+    slot: Slot[int] = Slot()
     taken: list[int] = []
-    thread = Thread(target=lambda: taken.extend(mailbox), daemon=True)
+    thread = Thread(target=lambda: taken.extend(slot), daemon=True)
     thread.start()
-    mailbox.put(1)
-    mailbox.close()
+    slot.put(1)
+    slot.close()
     thread.join(10)
     assert not thread.is_alive()
     assert taken in ([], [1])
