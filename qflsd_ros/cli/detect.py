@@ -9,13 +9,14 @@ from pathlib import Path
 import signal
 import sys
 import time
-from typing import Callable, Iterable, Iterator
+from typing import Iterable, Iterator
 
 import cv2
 from qflsd_ros.cli import inputs, results, settings
-from qflsd_ros.cli.inputs import InputError, Picture
+from qflsd_ros.cli.inputs import Picture
 from qflsd_ros.cli.settings import SettingsError
 from qflsd_ros.core import Detector, Parameters
+from qflsd_ros.sources.frames import Report, SourceError
 from tqdm import tqdm
 
 FAILED, USAGE, INTERRUPTED = 1, 2, 130  # exit codes
@@ -48,7 +49,7 @@ class Work:
             arcs = self._detector.detect(gray)
             seconds = time.process_time() - begin
             results.write(self._folder, picture, pixels, arcs, self._detector.parameters)
-        except InputError as error:
+        except SourceError as error:
             return Outcome(error=str(error))
         except OSError as error:
             return Outcome(error=f'results of {picture.name!r} cannot be written: {error}')
@@ -88,12 +89,12 @@ def outcomes(pictures: Iterable[Picture], parameters: Parameters, folder: Path,
         yield from (future.result() for future in as_completed(running))
 
 
-def readable(files: list[Path], complain: Callable[[str], None]) -> Iterator[Picture]:
-    """Return the pictures of all files; complain about a video that cannot be read."""
+def readable(files: list[Path], complain: Report) -> Iterator[Picture]:
+    """Return the pictures of all files; complain about videos that cannot be read."""
     for path, name in zip(files, inputs.names(files)):
         try:
-            yield from inputs.pictures(path, name)
-        except InputError as error:
+            yield from inputs.pictures(path, name, complain)
+        except SourceError as error:
             complain(str(error))
 
 

@@ -9,13 +9,12 @@ from typing import Iterable, Iterator
 
 import cv2
 import numpy as np
+from qflsd_ros.sources.files import IMAGE_SUFFIXES, natural_order, read_image
+from qflsd_ros.sources.frames import Report
+from qflsd_ros.sources.video import quiet_capture, Video
 
-IMAGE_SUFFIXES = {'.bmp', '.jpeg', '.jpg', '.pgm', '.png', '.ppm', '.tif', '.tiff', '.webp'}
-VIDEO_SUFFIXES = {'.avi', '.m4v', '.mkv', '.mov', '.mp4', '.mpeg', '.mpg', '.webm'}
-
-
-class InputError(Exception):
-    """An input that cannot be read; the text names it."""
+# In a folder, these are taken for videos; a file named on its own is one unless it is an image.
+VIDEO_SUFFIXES = ('.avi', '.m4v', '.mkv', '.mov', '.mp4', '.mpeg', '.mpg', '.webm')
 
 
 @dataclass(frozen=True)
@@ -43,31 +42,8 @@ class Picture:
     pixels: np.ndarray | None = None
 
     def read(self) -> np.ndarray:
-        """Return (H, W, 3) uint8 B, G, R; raises :class:`InputError`."""
-        return read_image(self.path) if self.pixels is None else self.pixels
-
-
-def read_image(path: Path) -> np.ndarray:
-    """
-    Read an image file as (H, W, 3) uint8 B, G, R, the way the sensor saw it.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, or is no image.
-
-    """
-    try:
-        data = np.fromfile(path, np.uint8)
-        # An orientation tag would turn the coordinates.
-        pixels = cv2.imdecode(data, cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
-    except OSError as error:
-        raise InputError(f'{str(path)!r}: {error.strerror}') from error
-    except cv2.error:
-        pixels = None
-    if pixels is None:
-        raise InputError(f'{str(path)!r} is no image that can be read')
-    return pixels
+        """Return (H, W, 3) uint8 B, G, R; SourceError where the file cannot be read."""
+        return read_image(self.path, colour=True) if self.pixels is None else self.pixels
 
 
 def find(arguments: Iterable[str]) -> tuple[list[Path], list[str]]:
@@ -92,22 +68,21 @@ def _expand(argument: str) -> Iterator[Path]:
     matches = [path] if path.exists() else map(Path, sorted(glob.glob(argument, recursive=True)))
     for match in matches:
         if match.is_dir():
-            yield from (file for file in sorted(match.iterdir())
-                        if file.suffix.lower() in IMAGE_SUFFIXES | VIDEO_SUFFIXES)
+            yield from (file for file in sorted(match.iterdir(), key=natural_order)
+                        if file.suffix.lower() in IMAGE_SUFFIXES + VIDEO_SUFFIXES)
         else:
             yield match
 
 
-def is_video(path: Path) -> bool:
-    """Tell a video from an image by the end of its name."""
-    return path.suffix.lower() in VIDEO_SUFFIXES
-
-
 def count(path: Path) -> int:
     """Return the number of pictures in a file; of a video, what it says of itself."""
-    if not is_video(path):
+    if _is_image(path):
         return 1
-    return max(0, int(cv2.VideoCapture(str(path)).get(cv2.CAP_PROP_FRAME_COUNT)))
+    return max(0, int(quiet_capture(str(path)).get(cv2.CAP_PROP_FRAME_COUNT)))
+
+
+def _is_image(path: Path) -> bool:
+    return path.suffix.lower() in IMAGE_SUFFIXES
 
 
 def names(files: list[Path]) -> list[str]:
@@ -143,27 +118,16 @@ def _numbered(wanted: list[str]) -> list[str]:
     return result
 
 
-def pictures(path: Path, name: str) -> Iterator[Picture]:
+def pictures(path: Path, name: str, report: Report) -> Iterator[Picture]:
     """
     Return the picture of an image file, or the frames of a video in order.
 
-    Frames are called ``name/000000`` and so on.  Raises :class:`InputError` where a video cannot
-    be read.
+    Frames are called ``name/000000`` and so on; what a video lacks at its end is reported.
+    Raises SourceError where a video cannot be read.
     """
-    if is_video(path):
-        return _frames(path, name)
-    return iter([Picture(path, name)])
-
-
-def _frames(path: Path, name: str) -> Iterator[Picture]:
-    video = cv2.VideoCapture(str(path))
-    number = 0
-    while True:
-        there, pixels = video.read()
-        if not there:
-            break
+    if _is_image(path):
+        yield Picture(path, name)
+        return
+    for number, frame in enumerate(Video(path, True, report)):
+        pixels = np.frombuffer(frame.data, np.uint8).reshape(frame.height, frame.width, 3)
         yield Picture(path, f'{name}/{number:06d}', number, pixels)
-        number += 1
-    video.release()
-    if number == 0:
-        raise InputError(f'{str(path)!r} is no video that can be read')

@@ -1,0 +1,170 @@
+"""The command ``demo``: a camera and the detector as two processes, watched from a third."""
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import os
+from pathlib import Path
+import random
+import signal
+import socket
+import sys
+import time
+
+from qflsd_ros.cli.gallery import Gallery
+from qflsd_ros.cli.observer import Counts, Observer
+from qflsd_ros.cli.processes import ProcessError, Processes
+from qflsd_ros.sources.files import IMAGE_SUFFIXES
+import rclpy
+from rclpy.executors import Executor, SingleThreadedExecutor
+from rclpy.signals import SignalHandlerOptions
+
+PATIENCE = 120.0  # s until the first result must have come; the first start ever compiles
+STILLS_RATE = 10.0  # Hz, of still images: each one's picture is to be written
+FAILED, USAGE, INTERRUPTED = 1, 2, 130  # exit codes
+
+
+class DemoError(Exception):
+    """The demo cannot go on; the text says why."""
+
+
+def parse(args: list[str] | None) -> argparse.Namespace:
+    """Return the arguments of the command line, checked."""
+    parser = argparse.ArgumentParser(
+        prog='demo', description='Runs a camera and the detector for a while, prints a line a '
+        'second on what comes out and writes pictures of it.')
+    parser.add_argument('--seconds', type=float, default=20.0, metavar='N',
+                        help='how long, from the first result on (default: %(default)g)')
+    parser.add_argument('--input', metavar='PATH',
+                        help='image, folder, video, rosbag2 or number of a webcam '
+                        '(default: a synthetic scene)')
+    parser.add_argument('--output', type=Path, default=Path('output/demo'), metavar='DIR',
+                        help='folder of the pictures (default: %(default)s)')
+    arguments = parser.parse_args(args)
+    if not 0 < arguments.seconds < math.inf:
+        parser.error(f'--seconds is {arguments.seconds}: must be above 0')
+    source = arguments.input
+    if source is not None and not source.isdigit() and not Path(source).exists():
+        parser.exit(USAGE, f'demo: --input {source!r}: there is no such file or folder\n')
+    return arguments
+
+
+def free_domain() -> int:
+    """Return a ROS_DOMAIN_ID that nobody on this machine uses."""
+    numbers = list(range(1, 100))
+    random.shuffle(numbers)
+    for number in numbers:
+        # DDS has fixed ports for each domain; the first participant takes this one.
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            try:
+                probe.bind(('', 7400 + 250 * number + 10))
+            except OSError:
+                continue
+            return number
+    raise DemoError('there is no free ROS_DOMAIN_ID: end some of the ROS programs running here')
+
+
+def shows_stills(source: str | None) -> bool:
+    """Tell an image or a folder of images from what moves."""
+    if source is None:
+        return False
+    path = Path(source)
+    if path.is_dir():
+        return not (path / 'metadata.yaml').exists()
+    return path.suffix.lower() in IMAGE_SUFFIXES
+
+
+def commands(source: str | None) -> dict[str, list[str]]:
+    """Return the command lines of camera and detector."""
+    camera = [sys.executable, '-m', 'qflsd_ros.ros.camera', '--ros-args']
+    if source is not None:
+        camera += ['-p', f'source:={json.dumps(source)}']  # quoted: a number is no index else
+    if shows_stills(source):
+        camera += ['-p', f'rate:={STILLS_RATE}']
+    return {'camera': camera, 'detector': [sys.executable, '-m', 'qflsd_ros.ros.detector']}
+
+
+def await_result(executor: Executor, observer: Observer, processes: Processes) -> None:
+    """Spin until the first result has come; DemoError where none comes."""
+    deadline = time.monotonic() + PATIENCE
+    while observer.counts is None:
+        executor.spin_once(0.1)
+        if not processes.running():
+            raise DemoError('the camera ended before the first result')
+        if time.monotonic() > deadline:
+            raise DemoError(f'no result came within {PATIENCE:.0f} s')
+
+
+def watch(executor: Executor, observer: Observer, processes: Processes, seconds: float) -> Counts:
+    """Print a line a second for a while, or until the camera ends; return what came in all."""
+    total, begin, number = Counts(), time.monotonic(), 0
+    while number < seconds and processes.running():
+        number += 1
+        end = begin + min(number, seconds)
+        while (left := end - time.monotonic()) > 0:
+            executor.spin_once(left)
+        counts = observer.take()
+        total.add(counts)
+        print(f'{number:3d} s: {counts}, {observer.age()}', flush=True)
+    return total
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Run camera, detector and observer, and say what came of it."""
+    interval = 0.0 if shows_stills(arguments.input) else 1.0
+    with Gallery(arguments.output, interval) as gallery, \
+            Processes(commands(arguments.input)) as processes:
+        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+        observer = Observer(gallery.show)
+        executor = SingleThreadedExecutor()
+        executor.add_node(observer)
+        await_result(executor, observer, processes)
+        total = watch(executor, observer, processes, arguments.seconds)
+        executor.shutdown()
+        observer.destroy_node()
+        rclpy.shutdown()
+    print(f'in all: {total}')
+    if not gallery.paths:
+        raise DemoError('no picture came')
+    print(f'{len(gallery.paths)} pictures in {arguments.output}: '
+          f'{gallery.paths[0].name} to {gallery.paths[-1].name}')
+
+
+def end_on_signals() -> None:
+    """Make SIGINT, SIGTERM and SIGHUP a KeyboardInterrupt, the first time that one comes."""
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+    def interrupt(*_: object) -> None:
+        for number in numbers:
+            signal.signal(number, signal.SIG_IGN)  # ending the processes must not be interrupted
+        raise KeyboardInterrupt
+
+    for number in numbers:
+        signal.signal(number, interrupt)
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the command; return its exit code."""
+    arguments = parse(args)
+    end_on_signals()
+    try:
+        os.environ.update(ROS_DOMAIN_ID=str(free_domain()),
+                          ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST')
+        print(f'Starting camera and detector, ROS_DOMAIN_ID={os.environ["ROS_DOMAIN_ID"]} '
+              '(the first time this compiles for some seconds) ...', flush=True)
+        run(arguments)
+    except (DemoError, ProcessError) as error:
+        print(f'demo: {error}', file=sys.stderr)
+        return error.code if isinstance(error, ProcessError) else FAILED
+    except OSError as error:
+        print(f'demo: --output {str(arguments.output)!r}: {error}', file=sys.stderr)
+        return FAILED
+    except KeyboardInterrupt:
+        print(f'demo: interrupted; the pictures so far are in {arguments.output}', file=sys.stderr)
+        return INTERRUPTED
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

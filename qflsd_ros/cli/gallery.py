@@ -1,0 +1,66 @@
+"""A folder that fills with pictures while other work goes on."""
+from __future__ import annotations
+
+from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
+import time
+import zlib
+
+import cv2
+import numpy as np
+
+
+class Gallery:
+    """
+    Writes pictures as PNG in a thread of its own.
+
+    What was shown before is left, and what comes too early or while another one is being written.
+    A context manager: everything taken is written on leaving.
+
+    Attributes
+    ----------
+    paths
+        The files written or being written, in order.
+
+    """
+
+    def __init__(self, folder: Path, interval: float) -> None:
+        """Write into ``folder``, at most one picture in ``interval`` s."""
+        self.paths: list[Path] = []
+        self._folder, self._interval = folder, interval
+        self._known: set[int] = set()
+        self._last = -interval
+        self._thread = ThreadPoolExecutor(1)
+        self._writing: Future[None] | None = None
+
+    def __enter__(self) -> Gallery:
+        """Make the folder."""
+        self._folder.mkdir(parents=True, exist_ok=True)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Wait for what is being written; OSError where it could not be."""
+        self._thread.shutdown()
+        self._collect()
+
+    def show(self, pixels: np.ndarray) -> None:
+        """Take a picture, (H, W, 3) uint8 B, G, R; OSError where the one before failed."""
+        now = time.monotonic()
+        if now - self._last < self._interval or self._writing and not self._writing.done():
+            return
+        self._collect()
+        check = zlib.crc32(pixels)
+        if check in self._known:
+            return
+        self._known.add(check)
+        self._last = now
+        self.paths.append(self._folder / f'{len(self.paths) + 1:04d}.png')
+        self._writing = self._thread.submit(_write, self.paths[-1], pixels)
+
+    def _collect(self) -> None:
+        if self._writing:
+            self._writing.result()
+
+
+def _write(path: Path, pixels: np.ndarray) -> None:
+    path.write_bytes(cv2.imencode('.png', pixels)[1].tobytes())
