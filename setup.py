@@ -44,6 +44,7 @@ setup(
             'hypothesis',
             'pydocstyle',
             'pytest',
+            'wheel',
         ],
         # ROS 2 Jazzy as wheels, for machines without it: never beside an installed one.
         'ros': [

@@ -152,7 +152,7 @@ def main(args: list[str] | None = None) -> int:
         os.environ.update(ROS_DOMAIN_ID=str(free_domain()),
                           ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST')
         print(f'Starting camera and detector, ROS_DOMAIN_ID={os.environ["ROS_DOMAIN_ID"]} '
-              '(the first time this compiles for some seconds) ...', flush=True)
+              '(the first time ever, compiling takes half a minute) ...', flush=True)
         run(arguments)
     except (DemoError, ProcessError) as error:
         print(f'demo: {error}', file=sys.stderr)

@@ -1,0 +1,120 @@
+"""The command demo: two processes over real DDS, watched from a third."""
+from __future__ import annotations
+
+import os
+from pathlib import Path
+import re
+import signal
+import subprocess
+import sys
+import time
+from typing import Callable
+
+import cv2
+import numpy as np
+import pytest
+
+TIMEOUT = 180.0  # s; generous: the machine may be busy, and kernels may have to be compiled
+LINE = re.compile(r' *(\d+) s: in +(\d+), out +(\d+), arcs +(\d+), '
+                  r'latency +([\d.]+) ms, p95 +([\d.]+) ms, age +([\d.]+) ms')
+
+
+def start(*arguments: object) -> subprocess.Popen[str]:
+    """Start the command as a process of its own."""
+    return subprocess.Popen(
+        [sys.executable, '-m', 'qflsd_ros.cli.demo', *map(str, arguments)], text=True,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        env={'AMENT_PREFIX_PATH': sys.prefix} | os.environ)
+
+
+def run(*arguments: object) -> tuple[int, str, str]:
+    """Run the command to its end; return exit code, stdout and stderr."""
+    process = start(*arguments)
+    stdout, stderr = process.communicate(timeout=TIMEOUT)
+    return process.returncode, stdout, stderr
+
+
+def children(parent: int) -> list[int]:
+    """Return the processes that a process has started and that still run."""
+    found = []
+    for status in Path('/proc').glob('[0-9]*/stat'):
+        try:
+            fields = status.read_text().rpartition(')')[2].split()
+        except OSError:
+            continue  # it has just ended
+        if int(fields[1]) == parent and fields[0] != 'Z':
+            found.append(int(status.parent.name))
+    return found
+
+
+def poll(condition: Callable[[], bool]) -> None:
+    """Wait until a condition holds, and fail when it never does."""
+    deadline = time.monotonic() + TIMEOUT
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+def test_it_says_what_comes_and_writes_pictures(tmp_path: Path) -> None:
+    """A line a second with plausible figures, pictures of the scene, exit code 0."""
+    code, stdout, stderr = run('--seconds', 3, '--output', tmp_path)
+    assert code == 0, stdout + stderr
+    lines = [LINE.match(line) for line in stdout.splitlines()]
+    rows = [tuple(map(float, match.groups())) for match in lines if match]
+    assert [row[0] for row in rows] == [1, 2, 3]
+    for _, frames, results, arcs, median, late, age in rows:
+        assert frames > 0 and results > 0 and arcs > 10
+        assert 0 < median <= late < 5000 and 0 < age < 5000
+    pictures = sorted(tmp_path.iterdir())
+    assert 2 <= len(pictures) <= 4
+    assert f'{len(pictures)} pictures in {tmp_path}' in stdout
+    shown = [cv2.imread(str(picture)) for picture in pictures]
+    assert all(pixels.shape == (480, 640, 3) for pixels in shown)
+    assert all((pixels.max(axis=2) - pixels.min(axis=2) > 100).any() for pixels in shown)
+
+
+def test_of_a_folder_every_image_is_shown_once(tmp_path: Path) -> None:
+    """Each image has its picture, however often the camera repeats it."""
+    folder, output = tmp_path / 'a "folder"', tmp_path / 'pictures'
+    folder.mkdir()
+    for number in range(3):
+        pixels = np.full((120, 160), 40, np.uint8)
+        cv2.rectangle(pixels, (20 + 10 * number, 20), (100, 90), 200, -1)
+        cv2.imwrite(str(folder / f'{number}.png'), pixels)
+    code, stdout, stderr = run('--seconds', 3, '--input', folder, '--output', output)
+    assert code == 0, stdout + stderr
+    pictures = [cv2.imread(str(path)) for path in sorted(output.iterdir())]
+    assert len(pictures) == 3
+    assert len({pixels.tobytes() for pixels in pictures}) == 3
+
+
+def test_a_missing_input_ends_with_one_line(tmp_path: Path) -> None:
+    """Exit code 2 at once, and the path in the line."""
+    code, stdout, stderr = run('--input', tmp_path / 'nowhere', '--output', tmp_path)
+    assert (code, stdout) == (2, '')
+    [line] = stderr.splitlines()
+    assert 'nowhere' in line and '--input' in line
+
+
+def test_an_unreadable_input_ends_with_the_cameras_exit_code(tmp_path: Path) -> None:
+    """The camera says why; nothing runs on."""
+    (tmp_path / 'broken.png').write_text('no image')
+    code, _, stderr = run('--input', tmp_path / 'broken.png', '--output', tmp_path / 'pictures')
+    assert code == 2
+    assert 'broken.png' in stderr and 'Traceback' not in stderr
+
+
+@pytest.mark.parametrize('with_signal', [signal.SIGINT, signal.SIGTERM])
+def test_no_process_outlives_it(tmp_path: Path, with_signal: signal.Signals) -> None:
+    """A signal ends camera and detector with it."""
+    process = start('--seconds', 1000, '--output', tmp_path)
+    assert process.stdout is not None and process.stderr is not None
+    while not LINE.match(process.stdout.readline()):
+        assert process.poll() is None, process.stderr.read()
+    started = children(process.pid)
+    assert len(started) == 2
+    process.send_signal(with_signal)
+    _, stderr = process.communicate(timeout=TIMEOUT)
+    assert process.returncode == 130
+    assert 'Traceback' not in stderr and str(tmp_path) in stderr
+    poll(lambda: not any(Path('/proc', str(number)).exists() for number in started))

@@ -1,0 +1,117 @@
+"""The package as colcon and pip install it, tried on a copy in a folder of its own."""
+from __future__ import annotations
+
+import os
+from pathlib import Path
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+from qflsd_ros.cli.demo import free_domain
+import rclpy
+
+ROOT = Path(__file__).parents[1]
+TIMEOUT = 180.0  # s; generous: the machine may be busy, and kernels have to be compiled
+SOURCES = ('config', 'qflsd_ros', 'resource', 'test', 'CHANGELOG.rst', 'LICENSE', 'package.xml',
+           'pyproject.toml', 'setup.cfg', 'setup.py')
+EXECUTABLES = ('camera', 'demo', 'detect', 'detector')
+COLCON = 'import sys; from colcon_core.command import main; sys.exit(main())'
+# colcon test runs a small part of the tests here: all of them would run this one again.
+PART = ('test/test_overlay.py', 'test/cli/test_inputs.py')
+
+
+def environment() -> dict[str, str]:
+    """Return the environment with this interpreter as python3, and ROS found in its prefix."""
+    path = f'{Path(sys.executable).parent}{os.pathsep}{os.environ["PATH"]}'
+    return {'AMENT_PREFIX_PATH': sys.prefix} | os.environ | {
+        'PATH': path, 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
+
+
+def run(folder: Path, *command: str) -> str:
+    """Run a command that must succeed, and return what it printed."""
+    result = subprocess.run(command, cwd=folder, env=environment(), text=True, timeout=TIMEOUT,
+                            stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+    assert result.returncode == 0, result.stdout
+    return result.stdout
+
+
+def copy(folder: Path) -> Path:
+    """Copy the package, without anything that was built, into a folder."""
+    target = folder / 'qflsd_ros'
+    target.mkdir(parents=True)
+    for name in SOURCES:
+        if (ROOT / name).is_dir():
+            shutil.copytree(ROOT / name, target / name,
+                            ignore=shutil.ignore_patterns('__pycache__'))
+        else:
+            shutil.copy(ROOT / name, target / name)
+    return target
+
+
+@pytest.fixture(scope='module')
+def workspace(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a workspace in which colcon has built the package."""
+    workspace = tmp_path_factory.mktemp('workspace')
+    copy(workspace / 'src')
+    run(workspace, sys.executable, '-c', COLCON, 'build')
+    return workspace
+
+
+def test_colcon_build_installs_everything(workspace: Path) -> None:
+    """Executables lie where ros2 run looks for them, files where ament looks for them."""
+    prefix = workspace / 'install' / 'qflsd_ros'
+    for name in EXECUTABLES:
+        assert os.access(prefix / 'lib' / 'qflsd_ros' / name, os.X_OK)
+    share = prefix / 'share'
+    assert (share / 'ament_index' / 'resource_index' / 'packages' / 'qflsd_ros').is_file()
+    assert (share / 'qflsd_ros' / 'package.xml').is_file()
+    installed = {path.name for path in (share / 'qflsd_ros' / 'config').iterdir()}
+    assert installed == {path.name for path in (ROOT / 'config').iterdir()}
+
+
+def test_the_installed_detector_starts_and_ends(workspace: Path) -> None:
+    """``install/qflsd_ros/lib/qflsd_ros/detector`` joins the graph; SIGINT: exit code 0."""
+    domain = free_domain()
+    command = '. install/setup.sh && exec install/qflsd_ros/lib/qflsd_ros/detector'
+    process = subprocess.Popen(
+        ['sh', '-c', command], cwd=workspace, text=True, stderr=subprocess.PIPE,
+        env=environment() | {'ROS_DOMAIN_ID': str(domain)})
+    context = rclpy.Context()
+    rclpy.init(args=[], context=context, domain_id=domain)
+    node = rclpy.create_node('packaging', context=context)
+    deadline = time.monotonic() + TIMEOUT
+    while not node.count_publishers('/detector/segments'):
+        assert process.poll() is None and time.monotonic() < deadline, process.communicate()
+        time.sleep(0.05)
+    node.destroy_node()
+    context.try_shutdown()
+    process.send_signal(signal.SIGINT)
+    _, stderr = process.communicate(timeout=TIMEOUT)
+    assert process.returncode == 0, stderr
+    assert 'Traceback' not in stderr
+
+
+def test_colcon_test_runs_the_tests(workspace: Path) -> None:
+    """Colcon finds pytest and counts tests, none of them failed."""
+    run(workspace, sys.executable, '-c', COLCON, 'test', '--pytest-args', *PART)
+    said = run(workspace, sys.executable, '-c', COLCON, 'test-result', '--all')
+    summary = re.search(r'Summary: (\d+) tests, 0 errors, 0 failures, 0 skipped', said)
+    assert summary and int(summary[1]) > 20, said
+
+
+def test_pip_installs_executables_and_what_ros2_run_needs(tmp_path: Path) -> None:
+    """Executables run from bin; a link to it makes them what ros2 run finds."""
+    prefix = tmp_path / 'prefix'
+    run(tmp_path, sys.executable, '-m', 'pip', 'install', '--no-deps', '--no-build-isolation',
+        '--prefix', str(prefix), str(copy(tmp_path)))
+    (prefix / 'lib' / 'qflsd_ros').symlink_to('../bin')
+    assert (prefix / 'share/ament_index/resource_index/packages/qflsd_ros').is_file()
+    [packages] = prefix.glob('lib/python*/site-packages')
+    for name in EXECUTABLES:
+        assert os.access(prefix / 'lib' / 'qflsd_ros' / name, os.X_OK)
+    said = run(tmp_path, 'env', f'PYTHONPATH={packages}', str(prefix / 'bin' / 'detect'), '--help')
+    assert said.startswith('usage: detect')
