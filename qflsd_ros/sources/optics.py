@@ -45,7 +45,8 @@ class Camera:
         local = (points - self.position) @ self.axes.T
         side, depth = local[..., :2], local[..., 2:] / FOCAL
         with np.errstate(invalid='ignore', divide='ignore'):
-            root = np.sqrt(depth ** 2 - 4 * self.lens.lam * (side ** 2).sum(axis=-1, keepdims=True))
+            square = (side ** 2).sum(axis=-1, keepdims=True)
+            root = np.sqrt(depth ** 2 - 4 * self.lens.lam * square)
             q = np.where(depth + root > 0, 2 * side / (depth + root), np.nan)
         return q * self.lens.half_diagonal + self.lens.origin
 
@@ -85,7 +86,7 @@ def project(camera, px, py, pz):
 
 
 @compiled
-def near_edges(camera, eye, starts, ends, step, size, shape):
+def near_edges(camera, eye, lines, step, size, shape):
     """
     Tell which blocks of an image an edge may cross.
 
@@ -93,8 +94,8 @@ def near_edges(camera, eye, starts, ends, step, size, shape):
     ----------
     camera, eye
         The camera's numbers and its position, three floats, m.
-    starts, ends
-        (N, 3) m, the edges; hidden ones count as well.
+    lines
+        (N, 2, 3) m, starts and ends of edges; hidden ones count as well.
     step
         Angle in radians that is at most 3 px.
     size
@@ -110,11 +111,10 @@ def near_edges(camera, eye, starts, ends, step, size, shape):
     """
     rows, columns = shape
     busy = np.zeros((rows, columns), np.bool_)
-    for number in range(len(starts)):
-        px, py, pz = (starts[number, 0] - eye[0], starts[number, 1] - eye[1],
-                      starts[number, 2] - eye[2])
-        ex, ey, ez = (ends[number, 0] - starts[number, 0], ends[number, 1] - starts[number, 1],
-                      ends[number, 2] - starts[number, 2])
+    for i in range(len(lines)):
+        sx, sy, sz = lines[i, 0, 0], lines[i, 0, 1], lines[i, 0, 2]
+        px, py, pz = sx - eye[0], sy - eye[1], sz - eye[2]
+        ex, ey, ez = lines[i, 1, 0] - sx, lines[i, 1, 1] - sy, lines[i, 1, 2] - sz
         length, share = sqrt(ex * ex + ey * ey + ez * ez), 0.0
         while share < 1:
             qx, qy, qz = px + share * ex, py + share * ey, pz + share * ez

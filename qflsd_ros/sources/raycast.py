@@ -3,8 +3,8 @@ The renderer of the synthetic scene: one ray for every corner of every pixel.
 
 Where the corners of a pixel see different cells, the crossings of the boundary with the pixel's
 sides are found by bisection, and each cell's share of the pixel is the exact area of a polygon:
-edges are where they belong to within 1 / 128 px, without supersampling.  Blocks of the image that no
-edge comes near see one cell, so that a few rays serve for all their pixels.
+edges are where they belong to within 1 / 128 px, without supersampling.  Blocks of the image that
+no edge comes near see one cell, so that a few rays serve for all their pixels.
 """
 from __future__ import annotations
 
@@ -289,7 +289,7 @@ def _mix(colours, cells, lights, top, left, noise, image):
                 image[row, column, channel] = int(min(max(value, 0.0), 255.0))
 
 
-def render(surfaces: Surfaces, lines: tuple[np.ndarray, np.ndarray], camera: Camera,
+def render(surfaces: Surfaces, lines: np.ndarray, camera: Camera,
            colours: np.ndarray, texture: np.ndarray, noise: np.ndarray) -> np.ndarray:
     """
     Render what a camera sees of a scene.
@@ -299,7 +299,7 @@ def render(surfaces: Surfaces, lines: tuple[np.ndarray, np.ndarray], camera: Cam
     surfaces
         The scene, its ``boxes`` seen from the camera's position.
     lines
-        Starts and ends of all edges that may be seen, (N, 3) m each.
+        (N, 2, 3) m, starts and ends of all edges that may be seen.
     camera
         The lens and where it is.
     colours
@@ -321,7 +321,7 @@ def render(surfaces: Surfaces, lines: tuple[np.ndarray, np.ndarray], camera: Cam
     blocks = height // BLOCK + 1, width // BLOCK + 1
     least, most = angles_per_pixel(camera.lens)
     nearby = _nearby(boxes, numbers, blocks, BLOCK * most)
-    busy = near_edges(numbers, eye, *lines, least * 3, BLOCK, blocks)
+    busy = near_edges(numbers, eye, lines, least * 3, BLOCK, blocks)
     cells = np.empty((height + 1, width + 1), np.int32)
     lights, top, left = np.full((3, height + 1, width + 1), 0.5, np.float32)
     for cast in (_cast_corners, _cast_blocks):

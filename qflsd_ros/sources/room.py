@@ -67,14 +67,15 @@ def _shades(random: np.random.Generator, colour: tuple[float, float, float], cou
 
 
 def _room(random: np.random.Generator) -> Box:
-    boards = Patch((0.0, 0.0), SIZE[:2], _shades(random, (104, 140, 172), 26, 0.16).transpose(
+    boards = Patch((0.0, 0.0), SIZE[:2], _shades(random, (104, 140, 172), 18, 0.16).transpose(
         1, 0, 2), grain=(4.0, 30.0, 0.10))
     return Box((SIZE[0] / 2, SIZE[1] / 2, SIZE[2] / 2), SIZE, CREAM, patches={
         'bottom': [boards],
         'top': [_plain((0.0, v), (SIZE[0], 0.16), OAK, grain=(4.0, 30.0, 0.10))
                 for v in (0.9, 2.5, 4.1)],
         'north': [_skirting(SIZE[0]), *_window(1.1)],
-        'east': [*_door(2.5), _skirting(2.5), _plain((1.0, 1.25), (0.9, 0.75), WALNUT),
+        'east': [*_door(2.5), _skirting(2.5), _skirting(SIZE[1] - 3.66, 3.66),
+                 _plain((1.0, 1.25), (0.9, 0.75), WALNUT),
                  _plain((1.06, 1.31), (0.78, 0.63), WHITE),
                  _plain((1.2, 1.43), (0.5, 0.39), TEAL, grain=(60.0, 60.0, 0.3)),
                  _plain((2.25, 1.1), (0.09, 0.09), WHITE)],
@@ -83,8 +84,8 @@ def _room(random: np.random.Generator) -> Box:
                  _plain((3.36, 1.26), (0.58, 0.83), SAND, grain=(30.0, 30.0, 0.3))]})
 
 
-def _skirting(length: float) -> Patch:
-    return _plain((0.0, 0.0), (length, 0.11), WHITE)
+def _skirting(length: float, start: float = 0.0) -> Patch:
+    return _plain((start, 0.0), (length, 0.11), WHITE)
 
 
 def _window(u: float) -> list[Patch]:
@@ -141,9 +142,9 @@ def _bookcase(random: np.random.Generator) -> Box:
         start = 0.10
         for colour, count in zip((RUST, TEAL, SAND, SLATE), random.permutation((4, 6, 7, 9))):
             books = _shades(random, colour, count, 0.35)
-            shelves.append(Patch((start, bottom + 0.01), (0.055 * count, random.uniform(0.26, 0.38)),
-                                 books, grain=PLAIN))
-            start += 0.055 * count + 0.06
+            size = 0.055 * count, random.uniform(0.26, 0.38)
+            shelves.append(Patch((start, bottom + 0.01), size, books, grain=PLAIN))
+            start += size[0] + 0.06
     return Box((2.3, 0.18, 1.06), (2.0, 0.36, 2.12), WALNUT, patches={'north': shelves})
 
 
@@ -156,7 +157,8 @@ def _wardrobe() -> Box:
 
 def _bench() -> Box:
     return Box((2.4, 4.95, 0.22), (2.0, 0.46, 0.44), WALNUT, patches={
-        'top': [_plain((0.05, 0.05), (0.92, 0.36), RUST), _plain((1.03, 0.05), (0.92, 0.36), TEAL)],
+        'top': [_plain((0.05, 0.05), (0.92, 0.36), RUST),
+                _plain((1.03, 0.05), (0.92, 0.36), TEAL)],
         'south': [_plain((0.06 + 0.96 * side, 0.07), (0.90, 0.30), OAK, grain=(5.0, 40.0, 0.12))
                   for side in (0, 1)]})
 

@@ -1,15 +1,21 @@
-"""The synthetic scene: a furnished room seen by a moving wide-angle camera, with its exact arcs."""
+"""The synthetic scene: a furnished room seen by a moving camera, with its exact arcs."""
 from __future__ import annotations
+
+from collections.abc import Iterator
+import itertools
+import math
 
 import numpy as np
 
 from qflsd_ros.core.arcs import Arcs
 from qflsd_ros.core.distortion import DivisionModel
 from qflsd_ros.sources import room
+from qflsd_ros.sources.files import encoding
+from qflsd_ros.sources.frames import Frame, report_by_log, Source
 from qflsd_ros.sources.optics import Camera
 from qflsd_ros.sources.raycast import render, TEXTURE_SIZE
-from qflsd_ros.sources.solids import edges, surfaces
-from qflsd_ros.sources.truth import seen_edges, visible_arcs
+from qflsd_ros.sources.solids import edges, front_faces, surfaces
+from qflsd_ros.sources.truth import visible_arcs
 
 FRAMES_PER_TURN = 1200      # after which the camera is where it started
 LUMA = np.array([[0.114], [0.587], [0.299]])
@@ -47,11 +53,19 @@ class Scene:
         if not -1 <= lam <= 0.5:
             raise ValueError(f'lam is {lam}: must lie in -1 to 0.5')
         self.lens = DivisionModel(lam, (height, width))
-        self.noise, self.seed, self.colour = noise, seed, colour
+        self.seed, self.colour = seed, colour
         self._boxes = room.furnish(seed)
         self._edges = edges(self._boxes)
+        # An edge of a patch has one face: it stands for both.
+        self._edge_faces = np.array([(6 * edge.box + edge.faces[0], 6 * edge.box + edge.faces[-1])
+                                     for edge in self._edges])
+        self._edge_ends = np.array([(edge.start, edge.end) for edge in self._edges])
         self._surfaces = surfaces(self._boxes, room.LAMP)
         self._texture = _texture(seed)
+        # Each frame has its own stretch of it: fresh noise would cost as much as half the frame.
+        pool = 2 * height * width * (3 if colour else 1) + 65536
+        self._noise = np.float32(noise) * np.random.default_rng((seed, 2)).standard_normal(
+            pool, np.float32)
 
     def frame(self, number: int) -> tuple[np.ndarray, Arcs]:
         """Return a frame's image and its exact arcs."""
@@ -59,11 +73,10 @@ class Scene:
 
     def image(self, number: int) -> np.ndarray:
         """Return a frame's image, (H, W) uint8 or, in colour, (H, W, 3)."""
-        random = np.random.Generator(np.random.SFC64((self.seed, number)))
         shape = *self.lens.shape, 3 if self.colour else 1
-        noise = random.standard_normal(shape, np.float32)
-        noise *= np.float32(self.noise)
-        image = self._render(number, noise)
+        size = math.prod(shape)
+        first = np.random.default_rng((self.seed, number)).integers(len(self._noise) - size + 1)
+        image = self._render(number, self._noise[first:first + size].reshape(shape))
         return image if self.colour else image[..., 0]
 
     def truth(self, number: int) -> Arcs:
@@ -81,14 +94,27 @@ class Scene:
 
     def _render(self, number: int, noise: np.ndarray) -> np.ndarray:
         camera = self._camera(number)
-        seen = seen_edges(self._edges, self._boxes, camera.position)
-        lines = np.array([edge.start for edge in seen]), np.array([edge.end for edge in seen])
+        front = front_faces(self._boxes, camera.position).ravel()
+        lines = self._edge_ends[front[self._edge_faces].any(axis=1)]
         boxes = self._surfaces.boxes.copy()
         boxes[['eye_x', 'eye_y', 'eye_z']] = [tuple(box.local(camera.position))
                                               for box in self._boxes]
         colours = self._surfaces.colours
         return render(self._surfaces._replace(boxes=boxes), lines, camera,
                       colours if noise.shape[2] == 3 else colours @ LUMA, self._texture, noise)
+
+
+class SceneFrames(Source):
+    """The scene as a source that never ends."""
+
+    def __init__(self, scene: Scene) -> None:
+        super().__init__('scene', report_by_log)
+        self._scene = scene
+
+    def _frames(self) -> Iterator[Frame]:
+        for number in itertools.count():
+            yield Frame.of(self._scene.image(number), encoding(self._scene.colour),
+                           f'frame {number}')
 
 
 def _texture(seed: int) -> np.ndarray:

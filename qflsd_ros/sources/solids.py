@@ -67,7 +67,7 @@ FACE = np.dtype([
 PATCH = np.dtype([
     ('u', np.float64), ('v', np.float64),               # lowest corner, m
     ('per_u', np.float64), ('per_v', np.float64),       # cells/m
-    ('cells_u', np.int64), ('cells_v', np.int64), ('cell', np.int64),   # counts, index of the first
+    ('cells_u', np.int64), ('cells_v', np.int64), ('cell', np.int64),   # counts, the first
     ('grain_u', np.float64), ('grain_v', np.float64), ('contrast', np.float64),
     ('glow', np.float64)])
 CELL = np.dtype([('face', np.int64)] + [(name, np.float64) for name in (
@@ -143,6 +143,15 @@ def face_patches(box: Box, face: int) -> list[Patch]:
     u, v = PLANES[face // 2]
     bare = Patch((0.0, 0.0), (box.size[u], box.size[v]), np.array(box.colour).reshape(1, 1, 3))
     return [bare, *box.patches.get(FACES[face], [])]
+
+
+def front_faces(boxes: Sequence[Box], position: np.ndarray) -> np.ndarray:
+    """Tell which faces turn towards a position in the room: (B, 6) bool."""
+    local = np.stack([box.local(position) for box in boxes])
+    half = np.array([box.size for box in boxes]) / 2
+    front = np.stack([local < -half, local > half], axis=-1).reshape(-1, 6)
+    front[0] = True
+    return front
 
 
 def edges(boxes: Sequence[Box]) -> list[Edge]:

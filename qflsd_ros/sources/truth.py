@@ -7,26 +7,11 @@ import numpy as np
 
 from qflsd_ros.core.arcs import Arcs, TABLE
 from qflsd_ros.sources.optics import Camera, FOCAL
-from qflsd_ros.sources.solids import Box, Edge
+from qflsd_ros.sources.solids import Box, Edge, front_faces
 
 TRUTH = np.dtype([*TABLE.descr, ('contrast', np.float64)])   # grey levels, step across the edge
 SHORTEST = 1.0      # px
 BESIDE = 1.5        # px, distance from an edge at which its contrast is measured
-
-
-def front_faces(boxes: Sequence[Box], position: np.ndarray) -> np.ndarray:
-    """Tell which faces turn towards a position in the room: (B, 6) bool."""
-    local = np.stack([box.local(position) for box in boxes])
-    half = np.array([box.size for box in boxes]) / 2
-    front = np.stack([local < -half, local > half], axis=-1).reshape(-1, 6)
-    front[0] = True
-    return front
-
-
-def seen_edges(edges: Sequence[Edge], boxes: Sequence[Box], position: np.ndarray) -> list[Edge]:
-    """Return the edges that are seen from a position, unless another box hides them."""
-    front = front_faces(boxes, position)
-    return [edge for edge in edges if any(front[edge.box, face] for face in edge.faces)]
 
 
 def visible_arcs(edges: Sequence[Edge], boxes: Sequence[Box], camera: Camera,
@@ -49,7 +34,9 @@ def visible_arcs(edges: Sequence[Edge], boxes: Sequence[Box], camera: Camera,
         Their table is of dtype :data:`TRUTH`; there are no pixels behind them.
 
     """
-    rows = [_arc(edge, camera, *piece) for edge in seen_edges(edges, boxes, camera.position)
+    front = front_faces(boxes, camera.position)
+    rows = [_arc(edge, camera, *piece) for edge in edges
+            if any(front[edge.box, face] for face in edge.faces)
             for piece in _pieces(edge, boxes, camera)]
     table = np.array([row for row in rows if row['length'] >= SHORTEST], TRUTH)
     offsets = np.zeros(len(table) + 1, np.int64)
@@ -117,13 +104,11 @@ def _circle(edge: Edge, camera: Camera) -> tuple[float, float, float, float]:
     """
     Return A, B, C, D of the circle A (x^2 + y^2) + B x + C y + D = 0 that an edge is seen on.
 
-    The origin is the lens's, the unit half the image's diagonal, and B^2 + C^2 - 4 A D = 1.
+    The origin is the lens's, the unit half the image's diagonal.
     """
     start = camera.axes @ (edge.start - camera.position)
     b, c, n = np.cross(start, camera.axes @ (edge.end - edge.start))
-    a, d = FOCAL * camera.lens.lam * n, FOCAL * n
-    scale = np.sqrt(b * b + c * c - 4 * a * d)
-    return a / scale, b / scale, c / scale, d / scale
+    return FOCAL * camera.lens.lam * n, b, c, FOCAL * n
 
 
 def _border_crossings(edge: Edge, camera: Camera) -> list[float]:
@@ -158,7 +143,8 @@ def _arc(edge: Edge, camera: Camera, low: float, high: float) -> np.ndarray:
     """Return a row of the table for the piece of an edge between two shares of its length."""
     shares = np.array([low, low + 0.01 * (high - low), high])
     start, soon, end = camera.project(edge.start + shares[:, None] * (edge.end - edge.start))
-    a, b, c, _ = _circle(edge, camera)
+    a, b, c, d = _circle(edge, camera)
+    a, b, c = np.array([a, b, c]) / np.sqrt(b * b + c * c - 4 * a * d)
     x, y = (start - camera.lens.origin) / camera.lens.half_diagonal
     tangent = np.array([-(2 * a * y + c), 2 * a * x + b])
     direction = np.copysign(1, tangent @ (soon - start))

@@ -1,0 +1,200 @@
+"""
+The ``camera`` node: images from the synthetic scene, files, a video, a webcam or a rosbag2.
+
+It publishes reliably, which subscriptions of either kind match, as REP 2003 has it for drivers.
+A slow subscription never holds it up: it keeps the last few images for repetition and no more.
+"""
+from __future__ import annotations
+
+from array import array
+from collections.abc import Iterator
+from dataclasses import dataclass
+import itertools
+import sys
+import time
+from typing import Callable
+
+from builtin_interfaces.msg import Time
+from qflsd_ros.core.parameters import check, parameter
+from qflsd_ros.ros import parameters
+from qflsd_ros.ros.parameters import ParameterError
+from qflsd_ros.sources import Frame, open_source, Scene, SceneFrames, Source, SourceError
+import rclpy
+from rclpy.duration import Duration
+from rclpy.exceptions import NotInitializedException, ParameterException
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.qos_overriding_options import QoSOverridingOptions
+from sensor_msgs.msg import Image
+
+SYNTHETIC = 'scene'
+LOG_PERIOD = 5.0  # s between two warnings that the camera is slower than its rate
+
+
+@dataclass(frozen=True)
+class CameraParameters:
+    """
+    What a user can set of the camera, at start.
+
+    Raises
+    ------
+    ValueError
+        A value is out of its range.
+    TypeError
+        A value has another type than its default.
+
+    """
+
+    source: str = parameter(
+        SYNTHETIC, 'What is seen: scene (a synthetic room), an image, a folder of images, a '
+        'video, a rosbag2, or the index of a webcam.', read_only=True)
+    topic: str = parameter(
+        '', 'Topic of a rosbag2 to play; empty stands for the first that has images.',
+        read_only=True)
+    rate: float = parameter(
+        30.0, 'Images per second, except of a rosbag2.', 'Hz', 0.01, 1000.0, read_only=True)
+    speed: float = parameter(
+        1.0, 'How many times faster than recorded a rosbag2 is played.', '', 0.001, 1000.0,
+        read_only=True)
+    loop: bool = parameter(
+        True, 'Start again at the end; else the node ends there.', read_only=True)
+    encoding: str = parameter(
+        'mono8', 'Encoding of the images: mono8 or bgr8; a rosbag2 keeps its own.',
+        choices=('mono8', 'bgr8'), read_only=True)
+    frame_id: str = parameter(
+        'camera', 'Coordinate frame of the images; a rosbag2 keeps its own.', read_only=True)
+    width: int = parameter(
+        640, 'Width of the synthetic scene.', 'px', 1, 8192, read_only=True)
+    height: int = parameter(
+        480, 'Height of the synthetic scene.', 'px', 1, 8192, read_only=True)
+    lam: float = parameter(
+        -0.5, 'Lambda of the division model through which the synthetic scene is seen, 1 at half '
+        'the diagonal; below 0 is a barrel, 0 leaves lines straight.', '', -1.0, 0.5,
+        read_only=True)
+    noise: float = parameter(
+        2.0, 'Standard deviation of the noise of the synthetic scene.', 'grey levels', 0.0, 100.0,
+        read_only=True)
+    seed: int = parameter(
+        0, 'Start of all that is random in the synthetic scene.', '', 0, 2147483647,
+        read_only=True)
+
+    def __post_init__(self) -> None:
+        """Check types and ranges."""
+        check(self)
+
+
+class CameraNode(Node):
+    """
+    Publishes the images of a source on ``image``.
+
+    Raises
+    ------
+    ParameterError
+        A parameter given at start cannot be used.
+    SourceError
+        The source is not there or cannot be read.
+
+    """
+
+    def __init__(self) -> None:
+        super().__init__('camera')
+        parameters.attach(self, (CameraParameters,), self._apply)
+        parameters.warn_of_unknown(self)
+        self._publisher = self.create_publisher(
+            Image, 'image', QoSProfile(depth=5, reliability=ReliabilityPolicy.RELIABLE),
+            qos_overriding_options=QoSOverridingOptions.with_default_policies())
+        self._source = open_camera(self._settings, self.get_logger().warning)
+
+    def play(self) -> None:
+        """Publish the source's frames when they are due, and answer services in between."""
+        executor = SingleThreadedExecutor(context=self.context)
+        executor.add_node(self)
+        for due, frame in self._due_frames():
+            executor.spin_once(0)
+            while (wait := due - time.monotonic()) > 0:
+                executor.spin_once(wait)
+            self._publisher.publish(self._message(frame))
+        self._publisher.wait_for_all_acked(Duration(seconds=1))
+
+    def _apply(self, settings: CameraParameters) -> None:
+        self._settings = settings
+
+    def _due_frames(self) -> Iterator[tuple[float, Frame]]:
+        """Yield every frame, ready before its time, with that time on the monotonic clock."""
+        due, last = 0.0, None
+        for _ in itertools.count() if self._settings.loop else range(1):
+            for frame in self._source:
+                gap, now = self._gap(last, frame), time.monotonic()
+                due = now if last is None or self._source.live else due + gap
+                last = frame
+                if now > due + gap:
+                    self.get_logger().warning(
+                        f'cannot keep its rate: {self._source.name} is {now - due:.3f} s late',
+                        throttle_duration_sec=LOG_PERIOD)
+                    due = now
+                yield due, frame
+
+    def _gap(self, last: Frame | None, frame: Frame) -> float:
+        """Return the time in s from the last frame to this one."""
+        if last is None:
+            return 0.0
+        if last.recorded is None or frame.recorded is None or frame.recorded < last.recorded:
+            return 1 / self._settings.rate
+        return (frame.recorded - last.recorded) * 1e-9 / self._settings.speed
+
+    def _message(self, frame: Frame) -> Image:
+        stamp = self.get_clock().now().nanoseconds if frame.stamp is None else frame.stamp
+        frame_id = self._settings.frame_id if frame.frame_id is None else frame.frame_id
+        message = Image(height=frame.height, width=frame.width, encoding=frame.encoding,
+                        is_bigendian=int(frame.is_bigendian), step=frame.step)
+        message.header.stamp = Time(sec=stamp // 10**9, nanosec=stamp % 10**9)
+        message.header.frame_id = frame_id
+        # The setter checks every element of anything but an array.
+        message.data = array('B', frame.data)
+        return message
+
+
+def open_camera(settings: CameraParameters, report: Callable[[str], None]) -> Source:
+    """Open the source that is set; raises :class:`SourceError`."""
+    colour = settings.encoding == 'bgr8'
+    if settings.source == SYNTHETIC:
+        return SceneFrames(Scene(settings.width, settings.height, settings.lam, settings.noise,
+                                 settings.seed, colour))
+    return open_source(settings.source, colour, settings.topic, settings.rate, report)
+
+
+def start(args: list[str] | None = None) -> CameraNode:
+    """Initialise ROS and return the node; ParameterError where an argument cannot be used."""
+    try:
+        rclpy.init(args=args)
+    except RuntimeError as error:
+        raise ParameterError(f'{type(error).__name__}: {error}') from error
+    try:
+        return CameraNode()
+    except (ParameterException, RuntimeError) as error:
+        if not rclpy.ok():
+            raise ExternalShutdownException from error
+        raise ParameterError(f'{type(error).__name__}: {error}') from error
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the node until SIGINT, SIGTERM or the source's end; return the exit code."""
+    try:
+        start(args).play()
+    except (ParameterError, SourceError) as error:
+        print(f'camera: {error}', file=sys.stderr)
+        return 2
+    except RuntimeError:
+        if rclpy.ok():
+            raise
+        # The signal came while an image was being published.
+    except (KeyboardInterrupt, ExternalShutdownException, NotInitializedException):
+        pass  # NotInitializedException: the signal came before the node was there.
+    finally:
+        rclpy.try_shutdown()
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,112 @@
+"""
+A rosbag2 as a source, in sqlite3 or mcap.
+
+Only image messages are read, by their well-known definitions: whatever other types a recording
+holds, known here or not, does no harm.
+"""
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+import struct
+from typing import Any
+
+import cv2
+import numpy as np
+from qflsd_ros.sources.frames import Frame, Report, Source, SourceError
+from rosbags.interfaces import Connection
+from rosbags.rosbag2 import Reader
+from rosbags.serde import SerdeError
+from rosbags.typesys import get_typestore, Stores
+
+RAW, COMPRESSED = 'sensor_msgs/msg/Image', 'sensor_msgs/msg/CompressedImage'
+STORAGE_SUFFIXES = ('.mcap', '.db3')
+ENCODINGS = {(np.dtype(np.uint8), 1): 'mono8', (np.dtype(np.uint8), 3): 'bgr8',
+             (np.dtype(np.uint8), 4): 'bgra8', (np.dtype(np.uint16), 1): 'mono16',
+             (np.dtype(np.uint16), 3): 'bgr16', (np.dtype(np.uint16), 4): 'bgra16'}
+
+
+class Bag(Source):
+    """
+    The images of one topic of a recording, with their stamps and coordinate frame.
+
+    Raw images come as recorded, whatever their encoding; compressed ones are decoded.
+    """
+
+    def __init__(self, path: Path, topic: str, report: Report) -> None:
+        super().__init__(repr(str(path)), report)
+        self._path = path
+        self._types = get_typestore(Stores.ROS2_JAZZY)
+        with self._open() as reader:
+            self._topic = self._choose(reader.connections, topic)
+
+    @contextmanager
+    def _open(self) -> Iterator[Reader]:
+        try:
+            reader = Reader(self._path)
+            reader.open()
+        except Exception as error:  # Damage shows as anything: sqlite3, struct, assertions, ...
+            raise SourceError(f'{self.name}: no rosbag2 that can be read: '
+                              f'{_one_line(error)}') from error
+        try:
+            yield reader
+        finally:
+            reader.close()
+
+    def _choose(self, connections: list[Connection], topic: str) -> str:
+        """Return the wanted topic, or the first with images if none is named."""
+        types = {connection.topic: connection.msgtype for connection in connections}
+        images = [name for name, kind in types.items() if kind in (RAW, COMPRESSED)]
+        if not images:
+            raise SourceError(f'{self.name}: no topic of type {RAW} or {COMPRESSED} in this bag, '
+                              f'only {", ".join(sorted(set(types.values()))) or "none at all"}')
+        if topic and topic not in images:
+            what = f'is of type {types[topic]}' if topic in types else 'is not in this bag'
+            raise SourceError(f'{self.name}: topic {topic} {what}: must be one of its image '
+                              f'topics, {", ".join(images)}')
+        if not topic and len(images) > 1:
+            self._report(f'{self.name}: plays {images[0]}, the first of its image topics '
+                         f'{", ".join(images)}')
+        return topic or images[0]
+
+    def _frames(self) -> Iterator[Frame]:
+        with self._open() as reader:
+            wanted = [connection for connection in reader.connections
+                      if connection.topic == self._topic]
+            messages, count = reader.messages(wanted), 0
+            while True:
+                try:
+                    connection, recorded, data = next(messages)
+                except StopIteration:
+                    return
+                except Exception as error:
+                    self._skip(f'{self.name}: ends after {count} messages on {self._topic}: '
+                               f'it is damaged or was cut short: {_one_line(error)}')
+                    return
+                count += 1
+                try:
+                    message = self._types.deserialize_cdr(data, connection.msgtype)
+                    yield _frame(message, connection.msgtype, str(recorded), recorded)
+                except (AssertionError, ValueError, SerdeError, struct.error, cv2.error) as error:
+                    self._skip(f'{self.name}: message of {recorded} on {self._topic} cannot be '
+                               f'read: {_one_line(error)}')
+
+
+def _frame(message: Any, kind: str, name: str, recorded: int) -> Frame:
+    """Make a frame of a deserialised Image or CompressedImage."""
+    stamp = message.header.stamp
+    times = {'stamp': stamp.sec * 10**9 + stamp.nanosec, 'recorded': recorded,
+             'frame_id': message.header.frame_id}
+    if kind == RAW:
+        return Frame(name, message.height, message.width, message.encoding,
+                     bool(message.is_bigendian), message.step, message.data.tobytes(), **times)
+    image = cv2.imdecode(message.data, cv2.IMREAD_UNCHANGED)
+    if image is None:
+        raise ValueError(f'not a compressed image of format {message.format!r}')
+    channels = image.shape[2] if image.ndim == 3 else 1
+    return Frame.of(image, ENCODINGS[image.dtype, channels], name, **times)
+
+
+def _one_line(error: Exception) -> str:
+    return ' '.join(str(error).split()) or type(error).__name__

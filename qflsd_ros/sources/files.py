@@ -1,0 +1,81 @@
+"""Image files as sources: one, or a folder of them."""
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+import re
+
+import cv2
+import numpy as np
+
+from qflsd_ros.sources.frames import Frame, Report, Source, SourceError
+
+IMAGE_SUFFIXES = ('.bmp', '.jpeg', '.jpg', '.pgm', '.png', '.ppm', '.tif', '.tiff', '.webp')
+
+
+class Images(Source):
+    """Image files in a given order, as mono8 or bgr8; those that cannot be read are skipped."""
+
+    def __init__(self, name: str, paths: list[Path], colour: bool, report: Report) -> None:
+        super().__init__(name, report)
+        self._paths, self._colour = paths, colour
+
+    def _frames(self) -> Iterator[Frame]:
+        for path in self._paths:
+            try:
+                yield Frame.of(read_image(path, self._colour), encoding(self._colour), path.name)
+            except SourceError as error:
+                self._skip(str(error))
+
+
+def open_image(path: Path, colour: bool, report: Report) -> Images:
+    """Return the source of one image file; SourceError where it cannot be read."""
+    read_image(path, colour)
+    return Images(repr(str(path)), [path], colour, report)
+
+
+def open_folder(folder: Path, colour: bool, report: Report) -> Images:
+    """
+    Return the source of a folder's image files in natural order: frame2 comes before frame10.
+
+    Raises
+    ------
+    SourceError
+        The folder cannot be read or holds no image file.
+
+    """
+    try:
+        paths = [path for path in folder.iterdir() if path.suffix.lower() in IMAGE_SUFFIXES]
+    except OSError as error:
+        raise SourceError(f'{str(folder)!r}: {error.strerror}') from error
+    if not paths:
+        raise SourceError(f'{str(folder)!r}: no image in this folder: its files must end in '
+                          f'{", ".join(IMAGE_SUFFIXES)}, or be a rosbag2 with its metadata.yaml')
+    return Images(repr(str(folder)), sorted(paths, key=natural_order), colour, report)
+
+
+def natural_order(path: Path) -> list[tuple[int, str]]:
+    """Return a key that sorts the numbers in file names by value."""
+    return [(int(part), '') if part.isdecimal() else (-1, part)
+            for part in re.split(r'(\d+)', path.name)]
+
+
+def read_image(path: Path, colour: bool) -> np.ndarray:
+    """Read an image as the sensor saw it, (H, W) or in colour (H, W, 3) B, G, R uint8."""
+    flag = cv2.IMREAD_COLOR if colour else cv2.IMREAD_GRAYSCALE
+    try:
+        # An orientation tag would turn the coordinates.
+        image = cv2.imdecode(np.fromfile(path, np.uint8), flag | cv2.IMREAD_IGNORE_ORIENTATION)
+    except OSError as error:
+        raise SourceError(f'{str(path)!r}: {error.strerror}') from error
+    except cv2.error:
+        image = None
+    if image is None:
+        raise SourceError(f'{str(path)!r}: no image that can be read: it is damaged or in '
+                          f'another format than {", ".join(IMAGE_SUFFIXES)}')
+    return image
+
+
+def encoding(colour: bool) -> str:
+    """Return the encoding of images read with or without colour."""
+    return 'bgr8' if colour else 'mono8'

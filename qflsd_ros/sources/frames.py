@@ -1,0 +1,105 @@
+"""What every source of images gives: frames, one after the other."""
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from dataclasses import dataclass
+import logging
+from typing import Any, Callable
+
+import numpy as np
+
+Report = Callable[[str], None]
+report_by_log: Report = logging.getLogger(__name__).warning
+
+
+class SourceError(Exception):
+    """A source that cannot be read; the text says in a line what, where, and what would do."""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """
+    One image with the fields of sensor_msgs/Image.
+
+    Attributes
+    ----------
+    name
+        What a person calls it: a file's name, or its number.
+    height, width, encoding, is_bigendian, step
+        As in sensor_msgs/Image.
+    data
+        (step * height,) bytes; of a recorded message whatever was recorded.
+    stamp
+        ns, when the frame was taken; None for those that never were.
+    frame_id
+        The camera's coordinate frame; None where the source does not say.
+    recorded
+        ns, when a recording got the frame; None outside recordings.
+
+    """
+
+    name: str
+    height: int
+    width: int
+    encoding: str
+    is_bigendian: bool
+    step: int
+    data: bytes
+    stamp: int | None = None
+    frame_id: str | None = None
+    recorded: int | None = None
+
+    @classmethod
+    def of(cls, image: np.ndarray, encoding: str, name: str, **more: Any) -> Frame:
+        """Make a frame of an (H, W) or (H, W, C) image, of uint8 or uint16 in native order."""
+        height, width = image.shape[:2]
+        step = image.nbytes // height
+        big = image.itemsize > 1 and not np.little_endian
+        return cls(name, height, width, encoding, big, step, image.tobytes(), **more)
+
+
+class Source(ABC):
+    """
+    Frames to iterate over, as often as wanted: each time from the first one on.
+
+    Iterating raises :class:`SourceError` where no frame at all can be read.
+
+    Attributes
+    ----------
+    skipped
+        Number of frames that could not be read so far, each reported once.
+    live
+        Whether frames come at the pace of a camera, with the time at which they were taken.
+
+    """
+
+    live = False
+
+    def __init__(self, name: str, report: Report) -> None:
+        self.name = name
+        self._report = report
+        self._reported: set[str] = set()
+
+    @property
+    def skipped(self) -> int:
+        return len(self._reported)
+
+    def __iter__(self) -> Iterator[Frame]:
+        """Yield all frames that can be read."""
+        empty = True
+        for frame in self._frames():
+            empty = False
+            yield frame
+        if empty:
+            raise SourceError(f'{self.name}: not one frame in it can be read')
+
+    @abstractmethod
+    def _frames(self) -> Iterator[Frame]:
+        """Yield the frames, and skip what cannot be read."""
+
+    def _skip(self, what: str) -> None:
+        """Count and report what cannot be read; the same again is neither."""
+        if what not in self._reported:
+            self._reported.add(what)
+            self._report(what)
