@@ -8,6 +8,7 @@ so results never grow old, and every image left out is counted.
 from __future__ import annotations
 
 from contextlib import closing
+import signal
 import sys
 from threading import Thread
 import time
@@ -38,6 +39,7 @@ from std_msgs.msg import Header
 from visualization_msgs.msg import MarkerArray
 
 DIAGNOSTICS_PERIOD = 1.0  # s
+CLOSE_TIMEOUT = 2.0  # s
 LOG_PERIOD = 5.0  # s between two log lines on bad frames of the same kind
 
 
@@ -129,9 +131,9 @@ class DetectorNode(Node):
         self._worker.start()
 
     def close(self) -> None:
-        """End the detection thread, then the node."""
+        """End the detection thread, unless a frame takes it too long, then the node."""
         self._slot.close()
-        self._worker.join()
+        self._worker.join(CLOSE_TIMEOUT)
         self.destroy_node()
 
     @property
@@ -223,10 +225,17 @@ class DetectorNode(Node):
 
 def start(args: list[str] | None = None) -> DetectorNode:
     """Initialise ROS and return the node; ParameterError where an argument cannot be used."""
+    # Left to rclpy alone, SIGINT ends the node as SIGTERM does; Python would break in anywhere.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         rclpy.init(args=args)
+    except RuntimeError as error:
+        raise ParameterError(f'{type(error).__name__}: {error}') from error
+    try:
         return DetectorNode()
     except (ParameterException, RuntimeError) as error:
+        if not rclpy.ok():
+            raise ExternalShutdownException from error
         raise ParameterError(f'{type(error).__name__}: {error}') from error
 
 
@@ -238,7 +247,7 @@ def main(args: list[str] | None = None) -> int:
     except ParameterError as error:
         print(f'detector: {error}', file=sys.stderr)
         return 2
-    except (KeyboardInterrupt, ExternalShutdownException, NotInitializedException):
+    except (ExternalShutdownException, NotInitializedException):
         pass  # NotInitializedException: the signal came before the node was there.
     finally:
         rclpy.try_shutdown()

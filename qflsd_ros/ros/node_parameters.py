@@ -31,7 +31,7 @@ class NodeParameters:
         0.1, 'Largest distance between an arc and its points on ~/segments and ~/markers.',
         'px', 0.001, 100.0)
     line_width: int = parameter(
-        2, 'Width of the arcs on ~/overlay and ~/markers.', 'px', 1, 100)
+        1, 'Width of the arcs on ~/overlay and ~/markers.', 'px', 1, 100)
     metres_per_pixel: float = parameter(
         0.01, 'Size of a pixel on ~/markers.', 'm', 0.0001, 1000.0)
     max_age: float = parameter(

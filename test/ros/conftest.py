@@ -74,7 +74,7 @@ class Peer:
             meanwhile()
             pause = time.monotonic() + period
             while time.monotonic() < pause:
-                self.executor.spin_once(pause - time.monotonic())
+                self.executor.spin_once(max(pause - time.monotonic(), 0))
                 if result := condition():
                     return result
         outputs = '\n'.join(process.output for process in self.processes)

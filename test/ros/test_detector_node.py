@@ -312,6 +312,14 @@ def test_signals_end_the_node_cleanly(peer: Peer, number: int) -> None:
     assert 'Traceback' not in rig.process.output and 'Exception' not in rig.process.output
 
 
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_signals_while_the_node_is_starting(peer: Peer, number: int) -> None:
+    process = peer.run(*NODE)
+    peer.until(lambda: 'detector' in peer.node.get_node_names(), period=0.001)
+    assert process.stop(number) == 0
+    assert 'Traceback' not in process.output and 'Exception' not in process.output
+
+
 def test_the_camera_is_left_alone_while_nobody_listens(peer: Peer) -> None:
     rig = Rig(peer, listen=())
     assert rig.report('nobody listens').level == DiagnosticStatus.OK
