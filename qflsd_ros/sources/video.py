@@ -65,7 +65,8 @@ class Webcam(Source):
 def quiet_capture(source: str | int) -> cv2.VideoCapture:
     """Open a video or webcam without OpenCV and FFmpeg talking on stderr about what fails."""
     os.environ.setdefault('OPENCV_FFMPEG_LOGLEVEL', '-8')
-    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    # OpenCV 4 has it here, OpenCV 5 there; 0 is silence.
+    (cv2.setLogLevel if hasattr(cv2, 'setLogLevel') else cv2.utils.logging.setLogLevel)(0)
     return cv2.VideoCapture(source)
 
 
