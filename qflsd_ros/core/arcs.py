@@ -13,6 +13,11 @@ TABLE = np.dtype([
     ('length', np.float64),         # px, along the arc
     ('rms', np.float64),            # px, of the distances of the edge points from the arc
     ('support', np.int32),          # number of edge points that belong to the arc
+    ('curvature_std', np.float64),  # 1/px, standard deviation; of 0 where the arc is straight
+    ('offset_std', np.float64),     # px, standard deviation of the position across, at the middle
+    ('score', np.float64),          # -log10 of the number of false alarms (see validation)
+    ('contrast', np.float64),       # grey levels, mean step across the arc
+    ('polarity', np.float64),       # share of points with the brighter side right, less left: >= 0
 ])
 
 
@@ -22,7 +27,7 @@ class Arcs:
     The arcs of one image.
 
     Coordinates are float pixels, x right, y down; (0, 0) is the centre of the top-left pixel.
-    Travel along an arc goes from start to end.
+    Travel along an arc goes from start to end, with the brighter side to the right.
 
     Attributes
     ----------

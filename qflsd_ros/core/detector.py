@@ -100,11 +100,11 @@ class Detector:
     def _assemble(self, pieces: joining.Pieces) -> Arcs:
         """Step 6: join the pieces and describe the arcs."""
         memory, parameters = self._memory, self.parameters
-        height, width = memory.shape
-        joined = joining.join(pieces, height, width, parameters.max_gap, parameters.tolerance,
+        joined = joining.join(pieces, memory.dx, memory.dy, parameters.max_gap, parameters.tolerance,
                               SIGNIFICANCE, self._sharpest())
-        return assembly.assemble(pieces, joined, memory.xs, memory.ys, memory.px, memory.py,
-                                 parameters.min_length)
+        return assembly.assemble(pieces, joined, memory.dx, memory.dy, memory.owners,
+                                 memory.xs, memory.ys, memory.px, memory.py,
+                                 parameters.min_length, parameters.min_distance)
 
     def _sharpest(self) -> float:
         """
@@ -134,6 +134,7 @@ class _Memory:
         self.dx, self.dy = np.empty(self.shape, np.int16), np.empty(self.shape, np.int16)
         self.magnitude = np.empty(self.shape, np.float32)
         self.flat = np.zeros((height * width + 7) // 8 * 8, np.uint8)
+        self.owners = np.zeros(self.shape, np.int32)
         self.words = self.flat.view(np.uint64)
         self.edges = self.flat[:height * width].reshape(self.shape)
         self.reserve(1)

@@ -26,7 +26,15 @@ CELL = 16.0             # px, of the grid in which ends are looked up
 COSINE = math.cos(math.radians(12.0))       # of the angle between the tangents at a gap
 OVERLAP = 4.0           # px by which two pieces may overlap
 GAP_SHARE = 0.7         # longest gap, of the sum of both lengths
-MISFIT = 0.45           # px, rms by which the shorter piece may lie off the joined arc
+ALIGNED = math.cos(math.radians(22.5))      # of the angle between gradient and normal
+FAINTEST = 1.0          # grey levels, of a gradient that counts in a gap
+NODE_TOL = 1.5
+FREE = 6.0
+FREE_SHARE = 0.15
+EVIDENCE = 0.5
+EVIDENCE_SLOPE = 0.3
+MISFIT_COST = 8.0
+MISFIT = 0.6           # px, rms by which the shorter piece may lie off the joined arc
 
 
 class Pieces(NamedTuple):
@@ -142,9 +150,39 @@ def _agrees(nodes: np.ndarray, n: int, fewer: float, tolerance: float, significa
         return False
     curve = (model[2], model[3], model[4], model[5])
     for k in range(n):
-        if abs(circle.value(curve, nodes[0, k] - model[0], nodes[1, k] - model[1])) > tolerance:
+        if abs(circle.value(curve, nodes[0, k] - model[0], nodes[1, k] - model[1])) > NODE_TOL * tolerance:
             return False
     return True
+
+
+@compiled
+def _outward(model: np.ndarray, end: np.ndarray, out: np.ndarray) -> None:
+    """Write the foot of an end on a curve, with the tangent that points the same way."""
+    foot(model, end[0], end[1], out)
+    if out[2] * end[2] + out[3] * end[3] < 0:
+        out[2], out[3] = -out[2], -out[3]
+
+
+@compiled
+def _evidence(model: np.ndarray, a: np.ndarray, b: np.ndarray, dx: np.ndarray,
+              dy: np.ndarray) -> float:
+    """
+    Return how far the gradients in the gap between two ends speak for an edge there, 0 to 1.
+
+    It is the share of the pixels whose gradient is at right angles to the arc and points to one
+    side of it, less the share of those that point to the other.
+    """
+    steps = max(2, int(math.sqrt((b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2)))
+    at, votes = np.empty(4), 0
+    for i in range(1, steps):
+        foot(model, a[0] + (b[0] - a[0]) * i / steps, a[1] + (b[1] - a[1]) * i / steps, at)
+        row = min(max(int(at[1] + 0.5), 0), dx.shape[0] - 1)
+        column = min(max(int(at[0] + 0.5), 0), dx.shape[1] - 1)
+        gx, gy = float(dx[row, column]), float(dy[row, column])
+        across, size = gy * at[2] - gx * at[3], math.sqrt(gx * gx + gy * gy)
+        if abs(across) > ALIGNED * size and size > 4 * FAINTEST:
+            votes += 1 if across > 0 else -1
+    return abs(votes) / (steps - 1)
 
 
 @compiled
@@ -154,7 +192,7 @@ def _reverse(nodes: np.ndarray, n: int) -> None:
 
 
 @compiled
-def join(pieces: Pieces, height: int, width: int, max_gap: float, tolerance: float,
+def join(pieces: Pieces, dx: np.ndarray, dy: np.ndarray, max_gap: float, tolerance: float,
          significance: float, sharpest: float) -> Joined:
     """
     Make arcs of pieces.
@@ -172,12 +210,14 @@ def join(pieces: Pieces, height: int, width: int, max_gap: float, tolerance: flo
 
     """
     m = len(pieces.sizes)
+    height, width = dx.shape
     heads, chained = _index(pieces.ends, height, width)
     taken = np.zeros(m, np.bool_)
     members, offsets = np.empty((m, 2), np.int64), np.zeros(m + 1, np.int64)
     fits = np.empty((m, FIT_SIZE))
     nodes, model = np.empty((3, NODES * m)), np.empty(FIT_SIZE)
     arcs = placed = 0
+    end, best_model = np.empty(4), np.empty(FIT_SIZE)
     for longest in np.argsort(-pieces.sizes, kind='mergesort'):
         if taken[longest]:
             continue
@@ -188,13 +228,15 @@ def join(pieces: Pieces, height: int, width: int, max_gap: float, tolerance: flo
         n = _append(pieces, longest, 0, nodes, 0)
         count, residual, size = pieces.counts[longest], pieces.rss[longest], pieces.sizes[longest]
         for way in range(2):
+            piece, backward = members[placed - 1]
+            end[:] = pieces.ends[piece, 1 - backward]
+            if way == 1 and placed - first > 1:
+                _outward(best_model, pieces.ends[piece, 1 - backward], end)
             while True:
-                piece, backward = members[placed - 1]
-                end = pieces.ends[piece, 1 - backward]
-                reach = min(max_gap, 1e9)
+                reach = max_gap
                 x0, x1 = end[0], end[0] + reach * end[2]
                 y0, y1 = end[1], end[1] + reach * end[3]
-                best, best_gap = -1, np.inf
+                best, best_gap, best_cost = -1, np.inf, np.inf
                 for r in range(_cell(min(y0, y1) - OVERLAP, heads.shape[0]),
                                _cell(max(y0, y1) + OVERLAP, heads.shape[0]) + 1):
                     for c in range(_cell(min(x0, x1) - OVERLAP, heads.shape[1]),
@@ -205,15 +247,24 @@ def join(pieces: Pieces, height: int, width: int, max_gap: float, tolerance: flo
                             e = chained[e]
                             if taken[other]:
                                 continue
-                            limit = min(min(max_gap, best_gap),
+                            limit = min(min(max_gap, best_cost),
                                         GAP_SHARE * (size + pieces.sizes[other]) + 3.0)
                             gap = _gap(end, pieces.ends[other, side], limit)
-                            if gap >= best_gap:
+                            if gap >= best_cost:
                                 continue
                             k = _append(pieces, other, side, nodes, n)
-                            if _agrees(nodes, k, min(count, pieces.counts[other]), tolerance,
-                                       significance, sharpest, model):
-                                best, best_gap = 2 * other + side, gap
+                            fewer = min(count, pieces.counts[other])
+                            if not _agrees(nodes, k, fewer, tolerance,
+                                           significance, sharpest, model):
+                                continue
+                            cost = gap + MISFIT_COST * math.sqrt(model[6] / fewer)
+                            if cost >= best_cost:
+                                continue
+                            needed = min(EVIDENCE_SLOPE * (gap / min(size, pieces.sizes[other]) - FREE_SHARE), EVIDENCE)
+                            if gap > FREE and needed > 0 and _evidence(model, end, pieces.ends[other, side], dx, dy) < needed:
+                                continue
+                            best, best_gap, best_cost = 2 * other + side, gap, cost
+                            best_model[:] = model
                 if best < 0:
                     break
                 other, side = best // 2, best % 2
@@ -224,6 +275,7 @@ def join(pieces: Pieces, height: int, width: int, max_gap: float, tolerance: flo
                 count += pieces.counts[other]
                 residual += pieces.rss[other]
                 size += pieces.sizes[other] + best_gap
+                _outward(best_model, pieces.ends[other, 1 - side], end)
             _reverse(nodes, n)
             members[first:placed] = members[first:placed][::-1].copy()
             members[first:placed, 1] = 1 - members[first:placed, 1]
