@@ -109,7 +109,10 @@ def test_pip_installs_executables_and_what_ros2_run_needs(tmp_path: Path) -> Non
     run(tmp_path, sys.executable, '-m', 'pip', 'install', '--no-deps', '--no-build-isolation',
         '--prefix', str(prefix), str(copy(tmp_path)))
     (prefix / 'lib' / 'qflsd_ros').symlink_to('../bin')
-    assert (prefix / 'share/ament_index/resource_index/packages/qflsd_ros').is_file()
+    said = run(tmp_path, 'env', f'AMENT_PREFIX_PATH={prefix}:{environment()["AMENT_PREFIX_PATH"]}',
+               sys.executable, '-c', 'from ament_index_python import get_package_prefix; '
+               'print(get_package_prefix("qflsd_ros"))')
+    assert said.strip() == str(prefix)
     [packages] = prefix.glob('lib/python*/site-packages')
     for name in EXECUTABLES:
         assert os.access(prefix / 'lib' / 'qflsd_ros' / name, os.X_OK)

@@ -13,6 +13,8 @@ from typing import Callable
 import cv2
 import numpy as np
 import pytest
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import get_typestore, Stores
 
 TIMEOUT = 180.0  # s; generous: the machine may be busy, and kernels may have to be compiled
 LINE = re.compile(r' *(\d+) s: in +(\d+), out +(\d+), arcs +(\d+), '
@@ -86,6 +88,36 @@ def test_of_a_folder_every_image_is_shown_once(tmp_path: Path) -> None:
     pictures = [cv2.imread(str(path)) for path in sorted(output.iterdir())]
     assert len(pictures) == 3
     assert len({pixels.tobytes() for pixels in pictures}) == 3
+
+
+def make_bag(path: Path, count: int) -> None:
+    """Record images of a rectangle at 20 Hz, years ago."""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    image, header, stamp = (store.types[name] for name in (
+        'sensor_msgs/msg/Image', 'std_msgs/msg/Header', 'builtin_interfaces/msg/Time'))
+    pixels = np.full((120, 160), 40, np.uint8)
+    cv2.rectangle(pixels, (20, 20), (100, 90), 200, -1)
+    with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        connection = writer.add_connection('/camera/image', image.__msgtype__, typestore=store)
+        for number in range(count):
+            time_ns = 1_600_000_000_000_000_000 + number * 50_000_000
+            message = image(header(stamp(time_ns // 10**9, time_ns % 10**9), 'lens'),
+                            120, 160, 'mono8', 0, 160, pixels.ravel())
+            writer.write(connection, time_ns, store.serialize_cdr(message, image.__msgtype__))
+
+
+def test_a_recording_is_played_with_its_stamps(tmp_path: Path) -> None:
+    """Stamps of long ago say nothing of latency, and the lines do not pretend that they do."""
+    make_bag(tmp_path / 'bag', 40)
+    code, stdout, stderr = run('--seconds', 2, '--input', tmp_path / 'bag',
+                               '--output', tmp_path / 'pictures')
+    assert code == 0, stdout + stderr
+    lines = [line for line in stdout.splitlines() if ' s: in ' in line]
+    assert len(lines) == 2
+    for line in lines:
+        assert int(re.findall(r'out +(\d+)', line)[0]) > 0
+        assert 'latency     - ms' in line and line.endswith('age (recorded)')
+    assert cv2.imread(str(tmp_path / 'pictures' / '0001.png')).shape == (120, 160, 3)
 
 
 def test_a_missing_input_ends_with_one_line(tmp_path: Path) -> None:
