@@ -10,6 +10,7 @@ from array import array
 from collections.abc import Iterator
 from dataclasses import dataclass
 import itertools
+import signal
 import sys
 import time
 from typing import Callable
@@ -166,6 +167,8 @@ def open_camera(settings: CameraParameters, report: Callable[[str], None]) -> So
 
 def start(args: list[str] | None = None) -> CameraNode:
     """Initialise ROS and return the node; ParameterError where an argument cannot be used."""
+    # Left to rclpy alone, SIGINT ends the node as SIGTERM does; Python would break in anywhere.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         rclpy.init(args=args)
     except RuntimeError as error:
@@ -189,7 +192,7 @@ def main(args: list[str] | None = None) -> int:
         if rclpy.ok():
             raise
         # The signal came while an image was being published.
-    except (KeyboardInterrupt, ExternalShutdownException, NotInitializedException):
+    except (ExternalShutdownException, NotInitializedException):
         pass  # NotInitializedException: the signal came before the node was there.
     finally:
         rclpy.try_shutdown()

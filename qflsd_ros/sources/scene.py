@@ -83,8 +83,7 @@ class Scene:
         """
         Return the exact arc of every visible piece of an edge, at least 1 px long.
 
-        The table has one more column, ``contrast``: the mean step across the edge in grey levels.
-        The camera sees an edge between two patches of the same shade as little as a person does.
+        Those of little ``contrast`` in their table lie between surfaces of nearly the same shade.
         """
         clean = self._render(number, np.zeros((*self.lens.shape, 1), np.float32))
         return visible_arcs(self._edges, self._boxes, self._camera(number), clean[..., 0])

@@ -9,9 +9,9 @@ from qflsd_ros.core.arcs import Arcs, TABLE
 from qflsd_ros.sources.optics import Camera, FOCAL
 from qflsd_ros.sources.solids import Box, Edge, front_faces
 
-TRUTH = np.dtype([*TABLE.descr, ('contrast', np.float64)])   # grey levels, step across the edge
 SHORTEST = 1.0      # px
 BESIDE = 1.5        # px, distance from an edge at which its contrast is measured
+SPACING = 2.0       # px, from one such measurement to the next
 
 
 def visible_arcs(edges: Sequence[Edge], boxes: Sequence[Box], camera: Camera,
@@ -26,23 +26,27 @@ def visible_arcs(edges: Sequence[Edge], boxes: Sequence[Box], camera: Camera,
     camera
         The lens and where it is.
     image
-        (H, W) uint8, the frame without noise, from which the contrasts are taken.
+        (H, W) uint8, the frame without noise, from which contrast and polarity are taken.
 
     Returns
     -------
     arcs
-        Their table is of dtype :data:`TRUTH`; there are no pixels behind them.
+        What only a measurement has is 0 in their table, and there are no pixels behind them.
 
     """
     front = front_faces(boxes, camera.position)
     rows = [_arc(edge, camera, *piece) for edge in edges
             if any(front[edge.box, face] for face in edge.faces)
             for piece in _pieces(edge, boxes, camera)]
-    table = np.array([row for row in rows if row['length'] >= SHORTEST], TRUTH)
+    table = np.array([row for row in rows if row['length'] >= SHORTEST], TABLE)
     offsets = np.zeros(len(table) + 1, np.int64)
     arcs = Arcs(table, np.zeros((0, 2)), np.zeros((0, 2), np.int32), offsets)
     for row, line in zip(table, arcs.polylines(0.01)):
-        row['contrast'] = _contrast(image, line)
+        row['contrast'], polarity = _step(image, line)
+        row['polarity'] = abs(polarity)
+        if polarity < 0:
+            row['start'], row['end'] = row['end'].copy(), row['start'].copy()
+            row['curvature'] *= -1
     return arcs
 
 
@@ -151,7 +155,7 @@ def _arc(edge: Edge, camera: Camera, low: float, high: float) -> np.ndarray:
     chord = end - start
     across = np.array([-chord[1], chord[0]])
     half = -np.arctan2(direction * tangent @ across, direction * tangent @ chord)
-    row = np.zeros((), TRUTH)
+    row = np.zeros((), TABLE)
     row['start'], row['end'] = start, end
     row['middle'] = (start + end) / 2 - across / 2 * np.tan(half / 2)
     row['curvature'] = direction * 2 * a / camera.lens.half_diagonal
@@ -159,13 +163,15 @@ def _arc(edge: Edge, camera: Camera, low: float, high: float) -> np.ndarray:
     return row
 
 
-def _contrast(image: np.ndarray, line: np.ndarray) -> float:
-    """Return the mean difference in grey levels between the two sides of a polyline."""
-    steps = np.diff(line, axis=0)
-    middles = (line[:-1] + line[1:]) / 2
-    across = BESIDE * np.c_[-steps[:, 1], steps[:, 0]] / np.hypot(*steps.T)[:, None]
+def _step(image: np.ndarray, line: np.ndarray) -> tuple[float, float]:
+    """Return contrast and polarity of a polyline, the latter < 0 if its left side is brighter."""
+    way = np.concatenate([[0], np.hypot(*np.diff(line, axis=0).T).cumsum()])
+    places = np.linspace(0, way[-1], 2 + int(way[-1] / SPACING))
+    points = np.stack([np.interp(places, way, axis) for axis in line.T], axis=1)
+    along, middles = np.diff(points, axis=0), (points[:-1] + points[1:]) / 2
+    across = BESIDE * np.c_[-along[:, 1], along[:, 0]] / np.hypot(*along.T)[:, None]
     limit = np.array(image.shape[::-1]) - 1
-    one, other = (np.clip(np.rint(middles + sign * across), 0, limit).astype(int)
-                  for sign in (1, -1))
-    difference = image[one[:, 1], one[:, 0]].astype(float) - image[other[:, 1], other[:, 0]]
-    return float(np.average(np.abs(difference), weights=np.hypot(*steps.T)))
+    right, left = (np.clip(np.rint(middles + sign * across), 0, limit).astype(int)
+                   for sign in (1, -1))
+    step = image[right[:, 1], right[:, 0]].astype(float) - image[left[:, 1], left[:, 0]]
+    return float(np.abs(step).mean()), float(np.sign(step).mean())

@@ -1,0 +1,164 @@
+"""The camera as a process over real DDS."""
+from __future__ import annotations
+
+from pathlib import Path
+import signal
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+import pytest
+from qflsd_ros.ros.camera import CameraParameters
+from qflsd_ros.ros.parameters import yaml_text
+from qflsd_ros.sources import Scene
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import get_typestore, Stores
+from sensor_msgs.msg import Image
+
+if TYPE_CHECKING:
+    from conftest import Peer, Process
+
+ROOT = Path(__file__).parents[2]
+START = 1_600_000_000_123_456_789
+BEST_EFFORT, RELIABLE = ReliabilityPolicy.BEST_EFFORT, ReliabilityPolicy.RELIABLE
+
+
+def start(peer: Peer, *parameters: str, **environment: str) -> Process:
+    arguments = [part for parameter in parameters for part in ('-p', parameter)]
+    return peer.run('-m', 'qflsd_ros.ros.camera', '--ros-args', *arguments, **environment)
+
+
+def receive(peer: Peer, count: int, reliability: ReliabilityPolicy = BEST_EFFORT,
+            depth: int = 1) -> list[Image]:
+    """Return the next images."""
+    images: list[Image] = []
+    subscription = peer.node.create_subscription(
+        Image, 'image', images.append, QoSProfile(depth=depth, reliability=reliability))
+    peer.until(lambda: len(images) >= count)
+    peer.node.destroy_subscription(subscription)
+    return images
+
+
+def stamp(image: Image) -> int:
+    return image.header.stamp.sec * 10**9 + image.header.stamp.nanosec
+
+
+def write_bag(path: Path, storage: StoragePlugin, count: int) -> str:
+    types = get_typestore(Stores.ROS2_JAZZY)
+    kind = 'sensor_msgs/msg/Image'
+    with Writer(path, version=9, storage_plugin=storage) as writer:
+        connection = writer.add_connection('/cam/image_raw', kind, typestore=types)
+        for number in range(count):
+            time = types.types['builtin_interfaces/msg/Time'](
+                (START + number) // 10**9, (START + number) % 10**9)
+            header = types.types['std_msgs/msg/Header'](time, 'recorded')
+            image = types.types[kind](header, 4, 5, '16UC1', 1, 12,
+                                      np.full(48, number, np.uint8))
+            writer.write(connection, START + number * 20_000_000, types.serialize_cdr(image, kind))
+    return str(path)
+
+
+def test_yaml_lists_every_parameter_with_its_default():
+    text = yaml_text((CameraParameters,)).replace('detector', 'camera')
+    assert (ROOT / 'config' / 'camera.yaml').read_text() == text
+
+
+@pytest.mark.parametrize('reliability', [BEST_EFFORT, RELIABLE])
+def test_scene_at_its_rate_for_both_kinds_of_subscription(peer, reliability):
+    camera = start(peer, 'rate:=20.0', 'width:=160', 'height:=120', 'seed:=3', 'frame_id:=eye')
+    images = receive(peer, 40, reliability)
+    age = peer.node.get_clock().now().nanoseconds - stamp(images[-1])
+    assert 0 <= age < 1e9
+    scene = Scene(160, 120, seed=3)
+    frames = [scene.image(number).tobytes() for number in range(400)]
+    numbers = [frames.index(bytes(image.data)) for image in images]
+    assert np.diff(numbers).tolist() == [1] * (len(images) - 1)
+    assert np.median(np.diff([stamp(image) for image in images])) == pytest.approx(5e7, rel=0.1)
+    image = images[0]
+    assert (image.height, image.width, image.step, image.encoding) == (120, 160, 160, 'mono8')
+    assert image.header.frame_id == 'eye'
+    assert camera.stop() == 0
+    assert 'Traceback' not in camera.output
+
+
+def test_scene_in_colour(peer):
+    start(peer, 'encoding:=bgr8', 'width:=80', 'height:=60', 'noise:=0.0', 'lam:=-0.2')
+    image = receive(peer, 1)[0]
+    assert (image.step, image.encoding) == (240, 'bgr8')
+    pixels = np.frombuffer(image.data, np.uint8).reshape(60, 80, 3).astype(int)
+    assert np.ptp(pixels, axis=2).max() > 30
+
+
+@pytest.mark.parametrize('storage', list(StoragePlugin))
+def test_bag_keeps_its_messages_and_loops(peer, tmp_path, storage):
+    bag = write_bag(tmp_path / 'bag', storage, 6)
+    start(peer, f'source:={bag}', 'frame_id:=ignored', 'encoding:=bgr8', 'rate:=10.0')
+    images = receive(peer, 14, RELIABLE, depth=10)
+    numbers = [stamp(image) - START for image in images]
+    assert all(after == (before + 1) % 6 for before, after in zip(numbers, numbers[1:]))
+    for number, image in zip(numbers, images):
+        assert bytes(image.data) == bytes([number]) * 48
+        assert (image.height, image.width, image.step) == (4, 5, 12)
+        assert (image.encoding, image.is_bigendian) == ('16UC1', 1)
+        assert image.header.frame_id == 'recorded'
+
+
+def test_bag_is_played_at_its_own_pace_times_speed(peer, tmp_path):
+    bag = write_bag(tmp_path / 'bag', StoragePlugin.MCAP, 200)
+    start(peer, f'source:={bag}', 'speed:=0.5')
+    times: list[int] = []
+    peer.node.create_subscription(
+        Image, 'image', lambda _: times.append(peer.node.get_clock().now().nanoseconds), 10)
+    peer.until(lambda: len(times) >= 30)
+    assert np.median(np.diff(times)) == pytest.approx(4e7, rel=0.15)
+
+
+def test_folder_that_does_not_loop_ends_the_node(peer, tmp_path):
+    for number in range(40):
+        cv2.imwrite(str(tmp_path / f'{number}.png'), np.full((6, 8), number, np.uint8))
+    (tmp_path / '3.png').write_bytes(b'damaged')
+    images: list[Image] = []
+    peer.node.create_subscription(Image, 'image', images.append, 10)
+    camera = start(peer, f'source:={tmp_path}', 'loop:=false', 'rate:=20.0')
+    peer.until(lambda: camera.popen.poll() is not None)
+    assert camera.wait() == 0
+    assert camera.output.count('3.png') == 1 and 'Traceback' not in camera.output
+    peer.until(lambda: images and images[-1].data[0] == 39)
+    numbers = [image.data[0] for image in images]
+    assert numbers == [number for number in range(numbers[0], 40) if number != 3]
+    assert {image.encoding for image in images} == {'mono8'}
+
+
+@pytest.mark.parametrize(('parameter', 'what'), [
+    ('source:=/no/such/place', "camera: '/no/such/place' is not there: must be an image"),
+    ('source:=/dev/null', "'/dev/null' is not there"),
+    ('source:="63"', 'camera: webcam 63: cannot be opened'),
+    ('rate:=0.0', 'camera: parameter rate is 0.0: must lie in 0.01 to 1000.0 Hz'),
+    ('encoding:=rgb8', 'camera: parameter encoding is '),
+    ('width:=wide', 'camera: parameter width is '),
+    ('lam:=-2.0', 'camera: parameter lam is -2.0: must lie in -1.0 to 0.5')])
+def test_what_cannot_be_used_is_one_line_and_exit_code_2(peer, parameter, what):
+    camera = start(peer, parameter)
+    assert camera.wait() == 2
+    assert what in camera.output
+    assert len(camera.output.strip().splitlines()) == 1
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_signals_end_it_with_exit_code_0(peer, number):
+    camera = start(peer, 'width:=64', 'height:=48', 'rate:=100.0')
+    receive(peer, 3)
+    assert camera.stop(number) == 0
+    assert 'Traceback' not in camera.output
+
+
+def test_nothing_is_lost_by_a_best_effort_subscription_of_depth_1(peer):
+    """Send images of 300 KB at 30 Hz with the profile that makes room for them."""
+    profile = {'FASTRTPS_DEFAULT_PROFILES_FILE': str(ROOT / 'config' / 'fastdds.xml')}
+    path = peer.folder / 'flat.png'
+    cv2.imwrite(str(path), np.zeros((480, 640), np.uint8))
+    start(peer, f'source:={path}', 'rate:=30.0', **profile)
+    images = receive(peer, 150)
+    gaps = np.diff([stamp(image) for image in images])
+    assert gaps.max() < 1.9e9 / 30
