@@ -30,7 +30,8 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from sensor_msgs.msg import Image
 
 SYNTHETIC = 'scene'
-LOG_PERIOD = 5.0  # s between two warnings that the camera is slower than its rate
+MAX_LAG = 0.25  # s that are caught up; a camera later than that is slower than its rate
+LOG_PERIOD = 5.0  # s between two warnings of that
 
 
 @dataclass(frozen=True)
@@ -123,23 +124,21 @@ class CameraNode(Node):
 
     def _due_frames(self) -> Iterator[tuple[float, Frame]]:
         """Yield every frame, ready before its time, with that time on the monotonic clock."""
-        due, last = 0.0, None
+        due, last = 0.0, None  # on the monotonic clock
         for _ in itertools.count() if self._settings.loop else range(1):
             for frame in self._source:
-                gap, now = self._gap(last, frame), time.monotonic()
-                due = now if last is None or self._source.live else due + gap
-                last = frame
-                if now > due + gap:
+                now = time.monotonic()
+                fresh = last is None or self._source.live
+                due, last = now if fresh else due + self._gap(last, frame), frame
+                if now - due > MAX_LAG:
                     self.get_logger().warning(
                         f'cannot keep its rate: {self._source.name} is {now - due:.3f} s late',
                         throttle_duration_sec=LOG_PERIOD)
                     due = now
                 yield due, frame
 
-    def _gap(self, last: Frame | None, frame: Frame) -> float:
+    def _gap(self, last: Frame, frame: Frame) -> float:
         """Return the time in s from the last frame to this one."""
-        if last is None:
-            return 0.0
         if last.recorded is None or frame.recorded is None or frame.recorded < last.recorded:
             return 1 / self._settings.rate
         return (frame.recorded - last.recorded) * 1e-9 / self._settings.speed

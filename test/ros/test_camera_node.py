@@ -115,18 +115,18 @@ def test_bag_is_played_at_its_own_pace_times_speed(peer, tmp_path):
 
 
 def test_folder_that_does_not_loop_ends_the_node(peer, tmp_path):
-    for number in range(40):
+    for number in range(200):
         cv2.imwrite(str(tmp_path / f'{number}.png'), np.full((6, 8), number, np.uint8))
     (tmp_path / '3.png').write_bytes(b'damaged')
     images: list[Image] = []
     peer.node.create_subscription(Image, 'image', images.append, 10)
-    camera = start(peer, f'source:={tmp_path}', 'loop:=false', 'rate:=20.0')
+    camera = start(peer, f'source:={tmp_path}', 'loop:=false', 'rate:=25.0')
     peer.until(lambda: camera.popen.poll() is not None)
     assert camera.wait() == 0
     assert camera.output.count('3.png') == 1 and 'Traceback' not in camera.output
-    peer.until(lambda: images and images[-1].data[0] == 39)
+    peer.until(lambda: images and images[-1].data[0] == 199)
     numbers = [image.data[0] for image in images]
-    assert numbers == [number for number in range(numbers[0], 40) if number != 3]
+    assert numbers == [number for number in range(numbers[0], 200) if number != 3]
     assert {image.encoding for image in images} == {'mono8'}
 
 
