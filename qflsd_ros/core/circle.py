@@ -24,6 +24,8 @@ import numpy as np
 Circle = tuple[float, float, float, float]
 
 compiled = njit(cache=True, nogil=True, error_model='numpy')
+# Sums may be formed in any order, several terms at once.
+summed = njit(cache=True, nogil=True, error_model='numpy', fastmath={'reassoc', 'contract', 'nsz'})
 inlined = njit(cache=True, nogil=True, error_model='numpy', inline='always')
 
 
@@ -73,11 +75,11 @@ FIT_SIZE = len(FIT)
 NOISE_FLOOR = 0.05          # px, the least standard deviation that a point is believed to have
 
 
-@compiled
-def fit(px: np.ndarray, py: np.ndarray, weight: np.ndarray, first: int, last: int,
-        significance: float, sharpest: float, out: np.ndarray) -> bool:
+@summed
+def fit(points: np.ndarray, first: int, last: int, residual: float, significance: float,
+        sharpest: float, out: np.ndarray) -> bool:
     """
-    Fit the generalised circle to points first to last by least squares.
+    Fit the generalised circle to points ``first`` to ``last`` by least squares.
 
     In a frame with its origin at the middle point and its x axis along the chord, C is close to 1
     all along the arc, so that minimising sum w (A (x^2 + y^2) + B x + D + y)^2 minimises the
@@ -86,10 +88,10 @@ def fit(px: np.ndarray, py: np.ndarray, weight: np.ndarray, first: int, last: in
 
     Parameters
     ----------
-    px, py
-        Points, px.
-    weight
-        Their weights: the number of edge points that each stands for; empty: 1 for all.
+    points
+        (2, N) x and y, px, or (3, N) with the number of edge points that each stands for.
+    residual
+        Residual sum of squares of those edge points about the given ones, px^2, to be added.
     out
         (FIT_SIZE,) float64, takes origin, A to D (in the image's axes, relative to the origin), the
         residual sum of squares, the sum of weights and the variances of A and D.
@@ -100,19 +102,19 @@ def fit(px: np.ndarray, py: np.ndarray, weight: np.ndarray, first: int, last: in
 
     """
     middle = (first + last) // 2
-    ox, oy = float(px[middle]), float(py[middle])
-    ux, uy = float(px[last]) - float(px[first]), float(py[last]) - float(py[first])
+    ox, oy = float(points[0, middle]), float(points[1, middle])
+    ux, uy = float(points[0, last] - points[0, first]), float(points[1, last] - points[1, first])
     size = math.sqrt(ux * ux + uy * uy)
     if size == 0.0:
         return False
     ux, uy = ux / size, uy / size
     szz = szt = sz = stt = st = sw = szv = stv = sv = svv = 0.0
-    weighted = len(weight) > 0
+    weighted = len(points) == 3
     for i in range(first, last + 1):
-        dx, dy = px[i] - ox, py[i] - oy
+        dx, dy = points[0, i] - ox, points[1, i] - oy
         t, v = dx * ux + dy * uy, dy * ux - dx * uy
         z = t * t + v * v
-        w = weight[i] if weighted else 1.0
+        w = float(points[2, i]) if weighted else 1.0
         szz += w * z * z
         szt += w * z * t
         sz += w * z
@@ -133,7 +135,7 @@ def fit(px: np.ndarray, py: np.ndarray, weight: np.ndarray, first: int, last: in
         a = -(caa * szv + cab * stv + cad * sv) / det
         b = -(cab * szv + cbb * stv + cbd * sv) / det
         d = -(cad * szv + cbd * stv + cdd * sv) / det
-        rss = max(0.0, svv + a * szv + b * stv + d * sv)
+        rss = residual + max(0.0, svv + a * szv + b * stv + d * sv)
         variance = max(rss / max(sw - 3.0, 1.0), NOISE_FLOOR ** 2)
         var_a, var_d = variance * caa / det, variance * cdd / det
         curved = a * a > significance ** 2 * var_a and 2 * abs(a) <= sharpest
@@ -144,10 +146,21 @@ def fit(px: np.ndarray, py: np.ndarray, weight: np.ndarray, first: int, last: in
         a = 0.0
         b = -(sw * stv - st * sv) / det
         d = -(stt * sv - st * stv) / det
-        rss = max(0.0, svv + b * stv + d * sv)
+        rss = residual + max(0.0, svv + b * stv + d * sv)
         var_d = max(rss / max(sw - 2.0, 1.0), NOISE_FLOOR ** 2) * stt / det
     norm = math.sqrt(max(b * b + 1.0 - 4.0 * a * d, 1e-12))
     out[0], out[1] = ox, oy
     out[2], out[3], out[4], out[5] = a / norm, (b * ux - uy) / norm, (b * uy + ux) / norm, d / norm
-    out[6], out[7], out[8], out[9] = rss / (norm * norm), sw, var_a, var_d
+    out[6], out[7], out[8], out[9] = rss, sw, var_a, var_d
     return True
+
+
+@compiled
+def foot(fits: np.ndarray, i: int, x: float, y: float) -> tuple[float, float, float, float]:
+    """Return the point of fitted curve i closest to (x, y), and the unit tangent there."""
+    dx, dy = x - fits[i, 0], y - fits[i, 1]
+    d = distance((fits[i, 2], fits[i, 3], fits[i, 4], fits[i, 5]), dx, dy)
+    gx, gy = 2 * fits[i, 2] * dx + fits[i, 3], 2 * fits[i, 2] * dy + fits[i, 4]
+    size = math.sqrt(gx * gx + gy * gy)
+    gx, gy = gx / size, gy / size
+    return x - d * gx, y - d * gy, -gy, gx

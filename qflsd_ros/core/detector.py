@@ -86,25 +86,26 @@ class Detector:
         count = chains.trace(dx, dy, memory.flat, memory.words, width, SHORTEST,
                              memory.xs, memory.ys, memory.offsets)
         edges.locate(dx, dy, magnitude, width, memory.xs, memory.ys,
-                     memory.offsets[count], memory.px, memory.py)
+                     memory.offsets[count], memory.points)
         return count
 
     def _extract(self, chain_count: int) -> joining.Pieces:
         """Steps 2 to 5: the pieces of arcs in all chains."""
         memory = self._memory
-        count = extraction.extract(memory.px, memory.py, memory.offsets, chain_count, SHORTEST,
+        count = extraction.extract(memory.points, memory.offsets, chain_count, SHORTEST,
                                    self.parameters.tolerance, SIGNIFICANCE, self._sharpest(),
                                    memory.runs, memory.fits)
-        return joining.pieces(memory.px, memory.py, memory.runs[:count], memory.fits[:count])
+        return joining.describe(memory.points, memory.runs[:count], memory.fits[:count])
 
     def _assemble(self, pieces: joining.Pieces) -> Arcs:
         """Step 6: join the pieces and describe the arcs."""
         memory, parameters = self._memory, self.parameters
-        joined = joining.join(pieces, memory.dx, memory.dy, parameters.max_gap, parameters.tolerance,
-                              SIGNIFICANCE, self._sharpest())
+        joined = joining.join(pieces, memory.dx, memory.dy, parameters.min_length,
+                              parameters.max_gap, parameters.tolerance, SIGNIFICANCE,
+                              self._sharpest())
         return assembly.assemble(pieces, joined, memory.dx, memory.dy, memory.owners,
-                                 memory.xs, memory.ys, memory.px, memory.py,
-                                 parameters.min_length, parameters.min_distance)
+                                 memory.xs, memory.ys, memory.points, parameters.min_length,
+                                 parameters.min_distance)
 
     def _sharpest(self) -> float:
         """
@@ -145,7 +146,7 @@ class _Memory:
             return
         size = edge_pixels + edge_pixels // 2
         self.xs, self.ys = np.empty(size, np.int32), np.empty(size, np.int32)
-        self.px, self.py = np.empty(size, np.float32), np.empty(size, np.float32)
+        self.points = np.empty((2, size), np.float32)
         most = size // SHORTEST + 2
         self.offsets, self.runs = np.empty(most, np.int64), np.empty((most, 2), np.int64)
         self.fits = np.empty((most, FIT_SIZE))

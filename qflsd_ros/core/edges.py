@@ -93,7 +93,7 @@ def thin(dx: np.ndarray, dy: np.ndarray, magnitude: np.ndarray, low: float, high
 
 @compiled
 def locate(dx: np.ndarray, dy: np.ndarray, magnitude: np.ndarray, width: int,
-           xs: np.ndarray, ys: np.ndarray, n: int, px: np.ndarray, py: np.ndarray) -> None:
+           xs: np.ndarray, ys: np.ndarray, n: int, points: np.ndarray) -> None:
     """
     Find the subpixel positions of edge pixels, after Devernay.
 
@@ -108,8 +108,8 @@ def locate(dx: np.ndarray, dy: np.ndarray, magnitude: np.ndarray, width: int,
         Pixels in a row.
     xs, ys
         (E,) int32, of which the first n are the pixels; none lies on the image's border.
-    px, py
-        (E,) float32, takes the positions, px.
+    points
+        (2, E) float32, takes the positions x and y, px.
 
     """
     half = np.float32(0.5)
@@ -122,5 +122,5 @@ def locate(dx: np.ndarray, dy: np.ndarray, magnitude: np.ndarray, width: int,
         offset = np.float32(0)
         if bend < 0:
             offset = min(max(half * (a - c) / bend, -half), half)
-        px[i] = xs[i] + (offset if across_x else np.float32(0))
-        py[i] = ys[i] + (np.float32(0) if across_x else offset)
+        points[0, i] = xs[i] + (offset if across_x else np.float32(0))
+        points[1, i] = ys[i] + (np.float32(0) if across_x else offset)

@@ -21,47 +21,47 @@ REFITS = 3          # most rounds of refitting and growing
 
 
 @inlined
-def _fits(model: circle.Circle, ox: float, oy: float, px: np.ndarray, py: np.ndarray, i: int,
+def _fits(model: circle.Circle, ox: float, oy: float, points: np.ndarray, i: int,
           tolerance: float) -> bool:
-    return abs(circle.value(model, px[i] - ox, py[i] - oy)) <= tolerance
+    return abs(circle.value(model, points[0, i] - ox, points[1, i] - oy)) <= tolerance
 
 
 @compiled
-def _run(model: circle.Circle, ox: float, oy: float, px: np.ndarray, py: np.ndarray,
+def _run(model: circle.Circle, ox: float, oy: float, points: np.ndarray,
          first: int, last: int, middle: int, tolerance: float) -> tuple[int, int]:
     """Return the longest run around ``middle``, within first to last, that fits the model."""
     lo = hi = middle
-    while hi < last and _fits(model, ox, oy, px, py, hi + 1, tolerance):
+    while hi < last and _fits(model, ox, oy, points, hi + 1, tolerance):
         hi += 1
-    while lo > first and _fits(model, ox, oy, px, py, lo - 1, tolerance):
+    while lo > first and _fits(model, ox, oy, points, lo - 1, tolerance):
         lo -= 1
     return lo, hi
 
 
 @compiled
-def _hypothesis(px: np.ndarray, py: np.ndarray, first: int, last: int, begin: int, end: int,
+def _hypothesis(points: np.ndarray, first: int, last: int, begin: int, end: int,
                 tolerance: float, sharpest: float) -> tuple[int, int]:
     """Return the run within first to last that fits the circle through a window, or (0, -1)."""
     middle = (begin + end) // 2
-    model = circle.through(px[begin], py[begin], px[middle], py[middle], px[end], py[end],
-                           sharpest)
-    ox, oy = px[middle], py[middle]
-    if (not _fits(model, ox, oy, px, py, middle, tolerance)
-            or not _fits(model, ox, oy, px, py, (begin + middle) // 2, tolerance)
-            or not _fits(model, ox, oy, px, py, (middle + end) // 2, tolerance)):
+    model = circle.through(points[0, begin], points[1, begin], points[0, middle],
+                           points[1, middle], points[0, end], points[1, end], sharpest)
+    ox, oy = points[0, middle], points[1, middle]
+    if (not _fits(model, ox, oy, points, middle, tolerance)
+            or not _fits(model, ox, oy, points, (begin + middle) // 2, tolerance)
+            or not _fits(model, ox, oy, points, (middle + end) // 2, tolerance)):
         return 0, -1
-    return _run(model, ox, oy, px, py, first, last, middle, tolerance)
+    return _run(model, ox, oy, points, first, last, middle, tolerance)
 
 
 @compiled
-def _longest(px: np.ndarray, py: np.ndarray, first: int, last: int, span: int,
+def _longest(points: np.ndarray, first: int, last: int, span: int,
              tolerance: float, sharpest: float) -> tuple[int, int]:
     """Return the longest run that a window of ``span`` points finds within first to last."""
     best_lo, best_hi = 0, -1
     begin = first
     while True:
         begin = min(begin, last - span + 1)
-        lo, hi = _hypothesis(px, py, first, last, begin, begin + span - 1, tolerance, sharpest)
+        lo, hi = _hypothesis(points, first, last, begin, begin + span - 1, tolerance, sharpest)
         if hi - lo > best_hi - best_lo:
             best_lo, best_hi = lo, hi
         if begin == last - span + 1:
@@ -70,28 +70,27 @@ def _longest(px: np.ndarray, py: np.ndarray, first: int, last: int, span: int,
 
 
 @compiled
-def _refit(px: np.ndarray, py: np.ndarray, first: int, last: int, lo: int, hi: int,
+def _refit(points: np.ndarray, first: int, last: int, lo: int, hi: int,
            tolerance: float, significance: float, sharpest: float,
            out: np.ndarray) -> tuple[int, int]:
     """Fit a run, grow it and fit again; return the run that ``out`` was fitted to, or (0, -1)."""
-    nothing = np.zeros(0)
     for turn in range(REFITS):
-        if not circle.fit(px, py, nothing, lo, hi, significance, sharpest, out):
+        if not circle.fit(points, lo, hi, 0.0, significance, sharpest, out):
             return 0, -1
         model = (out[2], out[3], out[4], out[5])
-        new_lo, new_hi = _run(model, out[0], out[1], px, py, first, last, (lo + hi) // 2,
+        new_lo, new_hi = _run(model, out[0], out[1], points, first, last, (lo + hi) // 2,
                               tolerance)
         if new_lo == lo and new_hi == hi:
             break
         lo, hi = new_lo, new_hi
     if hi - lo < 2:
         return 0, -1
-    circle.fit(px, py, nothing, lo, hi, significance, sharpest, out)
+    circle.fit(points, lo, hi, 0.0, significance, sharpest, out)
     return lo, hi
 
 
 @compiled
-def extract(px: np.ndarray, py: np.ndarray, offsets: np.ndarray, chains: int, shortest: int,
+def extract(points: np.ndarray, offsets: np.ndarray, chains: int, shortest: int,
             tolerance: float, significance: float, sharpest: float,
             runs: np.ndarray, fits: np.ndarray) -> int:
     """
@@ -99,8 +98,8 @@ def extract(px: np.ndarray, py: np.ndarray, offsets: np.ndarray, chains: int, sh
 
     Parameters
     ----------
-    px, py
-        (E,) float32, points of all chains, px.
+    points
+        (2, E) float32, x and y of the points of all chains, px.
     offsets
         (chains + 1,) where each chain begins.
     shortest
@@ -122,7 +121,7 @@ def extract(px: np.ndarray, py: np.ndarray, offsets: np.ndarray, chains: int, sh
 
     """
     found = 0
-    todo = np.empty((64 + len(px) // max(shortest, 1), 3), np.int64)
+    todo = np.empty((64 + points.shape[1] // max(shortest, 1), 3), np.int64)
     model = np.empty(FIT_SIZE)
     for chain in range(chains):
         todo[0, 0], todo[0, 1] = offsets[chain], offsets[chain + 1] - 1
@@ -133,9 +132,9 @@ def extract(px: np.ndarray, py: np.ndarray, offsets: np.ndarray, chains: int, sh
             first, last = todo[waiting, 0], todo[waiting, 1]
             span = min(todo[waiting, 2], last - first + 1)
             while span >= shortest:
-                lo, hi = _longest(px, py, first, last, span, tolerance, sharpest)
+                lo, hi = _longest(points, first, last, span, tolerance, sharpest)
                 if hi - lo + 1 >= span:
-                    lo, hi = _refit(px, py, first, last, lo, hi, tolerance, significance,
+                    lo, hi = _refit(points, first, last, lo, hi, tolerance, significance,
                                     sharpest, model)
                 else:
                     lo, hi = 0, -1

@@ -17,24 +17,28 @@ from typing import NamedTuple
 import numpy as np
 
 from qflsd_ros.core import circle
-from qflsd_ros.core.circle import compiled, FIT_SIZE
+from qflsd_ros.core.circle import compiled, FIT_SIZE, inlined
+from qflsd_ros.core.edges import SOBEL_GAIN
 
 NODES = 3
+COUNT, RSS, SIZE = 0, 1, 2      # columns of Pieces.sums, and of the same of an arc
 NODE_AT = np.array([-math.sqrt(0.6), 0.0, math.sqrt(0.6)])
 NODE_WEIGHT = np.array([5.0, 8.0, 5.0]) / 18.0
 CELL = 16.0             # px, of the grid in which ends are looked up
 COSINE = math.cos(math.radians(12.0))       # of the angle between the tangents at a gap
 OVERLAP = 4.0           # px by which two pieces may overlap
+ACROSS, ACROSS_SLOPE = 1.5, 0.25    # px that an end may lie beside the tangent, and more a px of gap
 GAP_SHARE = 0.7         # longest gap, of the sum of both lengths
-ALIGNED = math.cos(math.radians(22.5))      # of the angle between gradient and normal
+MISFIT = 0.6            # px, rms by which the shorter piece may lie off the joined arc
+LEEWAY = 1.5            # tolerances by which a node may lie off the joined arc
+MISFIT_COST = 8.0       # px of gap that weigh as much as 1 px of misfit
+ALIGNED = math.cos(math.radians(22.5))      # of the angle between gradient and normal in a gap
 FAINTEST = 1.0          # grey levels, of a gradient that counts in a gap
-NODE_TOL = 1.5
-FREE = 6.0
-FREE_SHARE = 0.15
-EVIDENCE = 0.5
-EVIDENCE_SLOPE = 0.3
-MISFIT_COST = 8.0
-MISFIT = 0.6           # px, rms by which the shorter piece may lie off the joined arc
+FREE = 6.0              # px, longest gap that needs no evidence
+FREE_SHARE = 0.15       # the same as a share of the shorter piece
+EVIDENCE_SLOPE = 0.3    # evidence needed for each length of the shorter piece beyond that
+EVIDENCE = 0.5          # evidence that suffices for any gap
+SEED_SHARE = 0.67       # shortest piece from which an arc is made, of the shortest arc reported
 
 
 class Pieces(NamedTuple):
@@ -43,9 +47,7 @@ class Pieces(NamedTuple):
     runs: np.ndarray        # (M, 2) int64, first and last edge point
     ends: np.ndarray        # (M, 2, 4) float64: x, y, outward unit tangent at start and end
     nodes: np.ndarray       # (M, NODES, 2) float64, px
-    counts: np.ndarray      # (M,) float64, number of edge points
-    rss: np.ndarray         # (M,) float64, px^2, residual sum of squares
-    sizes: np.ndarray       # (M,) float64, px, chord
+    sums: np.ndarray        # (M, 3) float64: number of edge points, residual sum of squares, chord
 
 
 class Joined(NamedTuple):
@@ -57,59 +59,61 @@ class Joined(NamedTuple):
 
 
 @compiled
-def foot(model: np.ndarray, x: float, y: float, out: np.ndarray) -> None:
-    """Write the point of a fitted curve closest to (x, y), and the unit tangent there."""
-    dx, dy = x - model[0], y - model[1]
-    d = circle.distance((model[2], model[3], model[4], model[5]), dx, dy)
-    gx, gy = 2 * model[2] * dx + model[3], 2 * model[2] * dy + model[4]
-    size = math.sqrt(gx * gx + gy * gy)
-    gx, gy = gx / size, gy / size
-    out[0], out[1], out[2], out[3] = x - d * gx, y - d * gy, -gy, gx
+def _shapes(points: np.ndarray, runs: np.ndarray, fits: np.ndarray, ends: np.ndarray,
+            nodes: np.ndarray, sums: np.ndarray) -> None:
+    """Fill the columns of :class:`Pieces`."""
+    for i in range(len(runs)):
+        for k in range(2):
+            ends[i, k] = circle.foot(fits, i, points[0, runs[i, k]], points[1, runs[i, k]])
+        cx, cy = ends[i, 1, 0] - ends[i, 0, 0], ends[i, 1, 1] - ends[i, 0, 1]
+        for k in range(2):
+            if (2 * k - 1) * (ends[i, k, 2] * cx + ends[i, k, 3] * cy) < 0:
+                ends[i, k, 2], ends[i, k, 3] = -ends[i, k, 2], -ends[i, k, 3]
+        for k in range(NODES):
+            share = 0.5 + 0.5 * NODE_AT[k]
+            x, y, _, _ = circle.foot(fits, i, ends[i, 0, 0] + share * cx,
+                                     ends[i, 0, 1] + share * cy)
+            nodes[i, k, 0], nodes[i, k, 1] = x, y
+        sums[i, COUNT], sums[i, RSS] = fits[i, 7], fits[i, 6]
+        sums[i, SIZE] = math.sqrt(cx * cx + cy * cy)
 
 
-@compiled
-def _shape(model: np.ndarray, ends: np.ndarray, nodes: np.ndarray) -> float:
-    """Turn the tangents of both ends outward, write the nodes between; return the chord, px."""
-    cx, cy = ends[1, 0] - ends[0, 0], ends[1, 1] - ends[0, 1]
-    for k in range(2):
-        if (2 * k - 1) * (ends[k, 2] * cx + ends[k, 3] * cy) < 0:
-            ends[k, 2], ends[k, 3] = -ends[k, 2], -ends[k, 3]
-    at = np.empty(4)
-    for k in range(NODES):
-        share = 0.5 + 0.5 * NODE_AT[k]
-        foot(model, ends[0, 0] + share * cx, ends[0, 1] + share * cy, at)
-        nodes[k, 0], nodes[k, 1] = at[0], at[1]
-    return math.sqrt(cx * cx + cy * cy)
-
-
-@compiled
-def pieces(px: np.ndarray, py: np.ndarray, runs: np.ndarray, fits: np.ndarray) -> Pieces:
+def describe(points: np.ndarray, runs: np.ndarray, fits: np.ndarray) -> Pieces:
     """Describe the arcs that :func:`extraction.extract` found for joining."""
     m = len(runs)
-    ends, nodes, sizes = np.empty((m, 2, 4)), np.empty((m, NODES, 2)), np.empty(m)
-    for i in range(m):
-        for k in range(2):
-            foot(fits[i], px[runs[i, k]], py[runs[i, k]], ends[i, k])
-        sizes[i] = _shape(fits[i], ends[i], nodes[i])
-    return Pieces(runs.copy(), ends, nodes, fits[:, 7].copy(), fits[:, 6].copy(), sizes)
+    pieces = Pieces(runs, np.empty((m, 2, 4)), np.empty((m, NODES, 2)), np.empty((m, 3)))
+    _shapes(points, runs, fits, pieces.ends, pieces.nodes, pieces.sums)
+    return pieces
 
 
 @compiled
-def _index(ends: np.ndarray, height: int, width: int) -> tuple[np.ndarray, np.ndarray]:
+def _index(ends: np.ndarray, height: int, width: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """
-    Sort ends into square cells.
+    Sort ends into square cells, row by row.
 
-    Returns the first end of each cell, (rows, columns), and of each end the next, or -1.
+    Returns where each cell begins, (rows, columns + 1), which ends (2 piece + side) are in it, and
+    these ends' position and tangent, (2 M, 4), in the same order.
     """
     columns, rows = int(width / CELL) + 1, int(height / CELL) + 1
-    heads = np.full((rows, columns), -1, np.int64)
-    chained = np.empty(2 * len(ends), np.int64)
-    for piece in range(len(ends)):
-        for k in range(2):
-            r, c = _cell(ends[piece, k, 1], rows), _cell(ends[piece, k, 0], columns)
-            chained[2 * piece + k] = heads[r, c]
-            heads[r, c] = 2 * piece + k
-    return heads, chained
+    begins = np.zeros((rows, columns + 1), np.int64)
+    cell = np.empty(2 * len(ends), np.int64)
+    filled = np.zeros(rows * columns + 1, np.int64)
+    for e in range(2 * len(ends)):
+        x, y = ends[e // 2, e % 2, 0], ends[e // 2, e % 2, 1]
+        cell[e] = _cell(y, rows) * columns + _cell(x, columns)
+        filled[cell[e] + 1] += 1
+    for k in range(rows * columns):
+        filled[k + 1] += filled[k]
+    for r in range(rows):
+        begins[r] = filled[r * columns:(r + 1) * columns + 1]
+    sorted_ends, places = np.empty(2 * len(ends), np.int64), np.empty((2 * len(ends), 4))
+    for e in range(2 * len(ends)):
+        k = filled[cell[e]]
+        filled[cell[e]] += 1
+        sorted_ends[k] = e
+        for column in range(4):
+            places[k, column] = ends[e // 2, e % 2, column]
+    return begins, sorted_ends, places
 
 
 @compiled
@@ -117,171 +121,220 @@ def _cell(coordinate: float, cells: int) -> int:
     return min(max(int(coordinate / CELL), 0), cells - 1)
 
 
-@compiled
-def _gap(a: np.ndarray, b: np.ndarray, longest: float) -> float:
+@inlined
+def _gap(end: np.ndarray, places: np.ndarray, k: int, longest: float) -> float:
     """Return the gap between two ends that may belong together, px, or inf."""
-    gx, gy = b[0] - a[0], b[1] - a[1]
-    gap = math.sqrt(gx * gx + gy * gy)
-    along, across = gx * a[2] + gy * a[3], abs(gx * a[3] - gy * a[2])
-    if (gap > longest or along < -OVERLAP or across > 1.5 + 0.25 * gap
-            or a[2] * b[2] + a[3] * b[3] > -COSINE):
+    gx, gy = places[k, 0] - end[0], places[k, 1] - end[1]
+    square = gx * gx + gy * gy
+    along = gx * end[2] + gy * end[3]
+    if square > longest * longest or along < -OVERLAP:
+        return np.inf
+    gap = math.sqrt(square)
+    if (abs(gx * end[3] - gy * end[2]) > ACROSS + ACROSS_SLOPE * gap
+            or end[2] * places[k, 2] + end[3] * places[k, 3] > -COSINE):
         return np.inf
     return gap
 
 
-@compiled
-def _append(pieces: Pieces, piece: int, side: int, nodes: np.ndarray, n: int) -> int:
-    """Write the nodes of a piece, from its given side on, to rows n on of x, y, weight."""
+@inlined
+def _append(nodes: np.ndarray, sums: np.ndarray, piece: int, side: int, arc: np.ndarray,
+            n: int) -> int:
+    """Write the nodes of a piece, from its given side on, to columns n on; return the new n."""
     for k in range(NODES):
         j = k if side == 0 else NODES - 1 - k
-        nodes[0, n + k], nodes[1, n + k] = pieces.nodes[piece, j, 0], pieces.nodes[piece, j, 1]
-        nodes[2, n + k] = NODE_WEIGHT[k] * pieces.counts[piece]
+        arc[0, n + k], arc[1, n + k] = nodes[piece, j, 0], nodes[piece, j, 1]
+        arc[2, n + k] = NODE_WEIGHT[k] * sums[piece, COUNT]
     return n + NODES
 
 
-@compiled
-def _agrees(nodes: np.ndarray, n: int, fewer: float, tolerance: float, significance: float,
-            sharpest: float, model: np.ndarray) -> bool:
-    """Fit the first n nodes; is it one arc, from which none of its pieces departs?"""
-    if not circle.fit(nodes[0], nodes[1], nodes[2], 0, n - 1, significance, sharpest,
-                      model):
-        return False
-    if model[6] > MISFIT ** 2 * fewer:
-        return False
-    curve = (model[2], model[3], model[4], model[5])
-    for k in range(n):
-        if abs(circle.value(curve, nodes[0, k] - model[0], nodes[1, k] - model[1])) > NODE_TOL * tolerance:
-            return False
-    return True
+@inlined
+def _farthest(fits: np.ndarray, which: int, arc: np.ndarray, first: int, last: int) -> float:
+    """Return the largest distance of nodes first to last - 1 from a curve, px."""
+    farthest = 0.0
+    for k in range(first, last):
+        farthest = max(farthest, abs(circle.value(
+            (fits[which, 2], fits[which, 3], fits[which, 4], fits[which, 5]),
+            arc[0, k] - fits[which, 0], arc[1, k] - fits[which, 1])))
+    return farthest
 
 
 @compiled
-def _outward(model: np.ndarray, end: np.ndarray, out: np.ndarray) -> None:
-    """Write the foot of an end on a curve, with the tangent that points the same way."""
-    foot(model, end[0], end[1], out)
-    if out[2] * end[2] + out[3] * end[3] < 0:
-        out[2], out[3] = -out[2], -out[3]
-
-
-@compiled
-def _evidence(model: np.ndarray, a: np.ndarray, b: np.ndarray, dx: np.ndarray,
-              dy: np.ndarray) -> float:
+def _evidence(fits: np.ndarray, which: int, x0: float, y0: float, x1: float, y1: float,
+              dx: np.ndarray, dy: np.ndarray) -> float:
     """
     Return how far the gradients in the gap between two ends speak for an edge there, 0 to 1.
 
     It is the share of the pixels whose gradient is at right angles to the arc and points to one
     side of it, less the share of those that point to the other.
     """
-    steps = max(2, int(math.sqrt((b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2)))
-    at, votes = np.empty(4), 0
+    steps = max(2, int(math.sqrt((x1 - x0) ** 2 + (y1 - y0) ** 2)))
+    ox, oy, a, b, c, d = (fits[which, 0], fits[which, 1], fits[which, 2], fits[which, 3],
+                          fits[which, 4], fits[which, 5])
+    votes = 0
     for i in range(1, steps):
-        foot(model, a[0] + (b[0] - a[0]) * i / steps, a[1] + (b[1] - a[1]) * i / steps, at)
-        row = min(max(int(at[1] + 0.5), 0), dx.shape[0] - 1)
-        column = min(max(int(at[0] + 0.5), 0), dx.shape[1] - 1)
+        x, y = x0 + (x1 - x0) * i / steps - ox, y0 + (y1 - y0) * i / steps - oy
+        nx, ny, off = 2 * a * x + b, 2 * a * y + c, circle.value((a, b, c, d), x, y)
+        row = min(max(int(oy + y - off * ny + 0.5), 0), dx.shape[0] - 1)
+        column = min(max(int(ox + x - off * nx + 0.5), 0), dx.shape[1] - 1)
         gx, gy = float(dx[row, column]), float(dy[row, column])
-        across, size = gy * at[2] - gx * at[3], math.sqrt(gx * gx + gy * gy)
-        if abs(across) > ALIGNED * size and size > 4 * FAINTEST:
+        across, size = gx * nx + gy * ny, math.sqrt(gx * gx + gy * gy)
+        if abs(across) > ALIGNED * size and size > SOBEL_GAIN * FAINTEST:
             votes += 1 if across > 0 else -1
     return abs(votes) / (steps - 1)
 
 
 @compiled
-def _reverse(nodes: np.ndarray, n: int) -> None:
-    for row in range(3):
-        nodes[row, :n] = nodes[row, :n][::-1].copy()
+def _cost(nodes: np.ndarray, sums: np.ndarray, other: int, side: int, gap: float,
+          arc: np.ndarray, n: int, total: np.ndarray, fits: np.ndarray, now: int,
+          tolerance: float, significance: float, sharpest: float, trial: np.ndarray) -> float:
+    """Return what joining a piece to an arc costs, px, or inf; the joined fit is in the trial."""
+    k = _append(nodes, sums, other, side, arc, n)
+    size = sums[other, SIZE]
+    # The farther a piece reaches beyond the arc so far, the less that says where it should be.
+    lever = 1 + (gap + size) / total[SIZE]
+    off = LEEWAY * tolerance
+    if _farthest(fits, now, arc, n, k) > off * (1 + 2 * lever * lever):
+        return np.inf
+    residual = total[RSS] + sums[other, RSS]
+    if not circle.fit(arc, 0, k - 1, residual, significance, sharpest, trial):
+        return np.inf
+    misfit = math.sqrt(max(0.0, trial[6] - residual) / min(total[COUNT], sums[other, COUNT]))
+    fits[now + 1] = trial
+    if misfit > MISFIT or _farthest(fits, now + 1, arc, 0, k) > off:
+        return np.inf
+    return gap + MISFIT_COST * misfit
 
 
 @compiled
-def join(pieces: Pieces, dx: np.ndarray, dy: np.ndarray, max_gap: float, tolerance: float,
-         significance: float, sharpest: float) -> Joined:
+def _partner(nodes: np.ndarray, sums: np.ndarray, begins: np.ndarray, sorted_ends: np.ndarray,
+             places: np.ndarray, taken: np.ndarray, arc: np.ndarray, n: int, total: np.ndarray,
+             fits: np.ndarray, now: int, end: np.ndarray, max_gap: float, tolerance: float,
+             significance: float, sharpest: float, dx: np.ndarray, dy: np.ndarray,
+             trial: np.ndarray) -> tuple[int, float]:
+    """Return the end (2 piece + side, or -1) that continues an arc best, and the gap to it."""
+    rows, columns = begins.shape[0], begins.shape[1] - 1
+    reach = min(max_gap, 2 * GAP_SHARE * total[SIZE])
+    x, y = end[0] + reach * end[2], end[1] + reach * end[3]
+    left = _cell(min(x, end[0]) - OVERLAP, columns)
+    right = _cell(max(x, end[0]) + OVERLAP, columns)
+    best, best_gap, best_cost = -1, np.inf, np.inf
+    for r in range(_cell(min(y, end[1]) - OVERLAP, rows),
+                   _cell(max(y, end[1]) + OVERLAP, rows) + 1):
+        for k in range(begins[r, left], begins[r, right + 1]):
+            gap = _gap(end, places, k, min(reach, best_cost))
+            if gap == np.inf:
+                continue
+            other = sorted_ends[k] // 2
+            if taken[other] or gap > GAP_SHARE * (total[SIZE] + sums[other, SIZE]):
+                continue
+            cost = _cost(nodes, sums, other, sorted_ends[k] % 2, gap, arc, n, total, fits, now,
+                         tolerance, significance, sharpest, trial)
+            if cost >= best_cost:
+                continue
+            shorter = min(sums[other, SIZE], total[SIZE])
+            needed = min(EVIDENCE, EVIDENCE_SLOPE * (gap / shorter - FREE_SHARE))
+            if (gap <= FREE or needed <= 0 or needed <= _evidence(
+                    fits, now + 1, end[0], end[1], places[k, 0], places[k, 1], dx, dy)):
+                best, best_gap, best_cost = sorted_ends[k], gap, cost
+    return best, best_gap
+
+
+@compiled
+def _take(nodes: np.ndarray, sums: np.ndarray, piece: int, side: int, gap: float,
+          significance: float, sharpest: float, arc: np.ndarray, n: int, total: np.ndarray,
+          fits: np.ndarray, now: int, trial: np.ndarray) -> int:
+    """Add a piece, travelled from its given side on, to an arc; return the number of its nodes."""
+    n = _append(nodes, sums, piece, side, arc, n)
+    for k in range(3):
+        total[k] += sums[piece, k]
+    total[SIZE] += gap
+    circle.fit(arc, 0, n - 1, total[RSS], significance, sharpest, trial)
+    fits[now] = trial
+    return n
+
+
+@compiled
+def _outward(ends: np.ndarray, piece: int, side: int, fits: np.ndarray, now: int,
+             out: np.ndarray) -> None:
+    """Write the foot of a piece's end on a curve, with the tangent that points the same way."""
+    out[:] = circle.foot(fits, now, ends[piece, side, 0], ends[piece, side, 1])
+    if out[2] * ends[piece, side, 2] + out[3] * ends[piece, side, 3] < 0:
+        out[2], out[3] = -out[2], -out[3]
+
+
+@compiled
+def _turn_round(arc: np.ndarray, n: int, members: np.ndarray, first: int, last: int) -> None:
+    """Let an arc, made of ``members`` first to last, be travelled from its other end."""
+    for k in range(n // 2):
+        for row in range(3):
+            arc[row, k], arc[row, n - 1 - k] = arc[row, n - 1 - k], arc[row, k]
+    for k in range(first, last + 1):
+        members[k, 1] = 1 - members[k, 1]
+    while first < last:
+        for column in range(2):
+            members[first, column], members[last, column] = (
+                members[last, column], members[first, column])
+        first, last = first + 1, last - 1
+
+
+@compiled
+def _join(ends: np.ndarray, nodes: np.ndarray, sums: np.ndarray, dx: np.ndarray, dy: np.ndarray,
+          shortest: float, max_gap: float, tolerance: float, significance: float,
+          sharpest: float, members: np.ndarray, offsets: np.ndarray, fits: np.ndarray) -> int:
+    m = len(sums)
+    begins, sorted_ends, places = _index(ends, dx.shape[0], dx.shape[1])
+    taken, arc = np.zeros(m, np.bool_), np.empty((3, NODES * m))
+    total, end, trial = np.empty(3), np.empty(4), np.empty(FIT_SIZE)
+    arcs = 0
+    for seed in np.argsort(-sums[:, SIZE], kind='mergesort'):
+        if sums[seed, SIZE] < shortest:
+            break
+        if taken[seed]:
+            continue
+        taken[seed] = True
+        first = placed = offsets[arcs]
+        members[placed, 0], members[placed, 1] = seed, 0
+        total[:] = 0
+        n = _take(nodes, sums, seed, 0, 0.0, significance, sharpest, arc, 0, total, fits,
+                  arcs, trial)
+        for _ in range(2):
+            while True:
+                _outward(ends, members[placed, 0], 1 - members[placed, 1], fits, arcs, end)
+                best, gap = _partner(nodes, sums, begins, sorted_ends, places, taken, arc, n,
+                                     total, fits, arcs, end, max_gap, tolerance,
+                                     significance, sharpest, dx, dy, trial)
+                if best < 0:
+                    break
+                placed += 1
+                members[placed, 0], members[placed, 1] = best // 2, best % 2
+                taken[best // 2] = True
+                n = _take(nodes, sums, best // 2, best % 2, gap, significance, sharpest, arc, n,
+                          total, fits, arcs, trial)
+            _turn_round(arc, n, members, first, placed)
+        arcs += 1
+        offsets[arcs] = placed + 1
+    return arcs
+
+
+def join(pieces: Pieces, dx: np.ndarray, dy: np.ndarray, min_length: float, max_gap: float,
+         tolerance: float, significance: float, sharpest: float) -> Joined:
     """
-    Make arcs of pieces.
+    Make arcs of pieces; those made of short pieces only are left out.
 
     Parameters
     ----------
     pieces
-        What :func:`pieces` describes.
-    height, width
-        Size of the image, px.
-    max_gap, tolerance
+        What :func:`describe` describes.
+    dx, dy
+        (H, W) int16 gradients.
+    min_length, max_gap, tolerance
         As in :class:`Parameters`, px.
     significance, sharpest
         As in :func:`extraction.extract`.
 
     """
-    m = len(pieces.sizes)
-    height, width = dx.shape
-    heads, chained = _index(pieces.ends, height, width)
-    taken = np.zeros(m, np.bool_)
-    members, offsets = np.empty((m, 2), np.int64), np.zeros(m + 1, np.int64)
-    fits = np.empty((m, FIT_SIZE))
-    nodes, model = np.empty((3, NODES * m)), np.empty(FIT_SIZE)
-    arcs = placed = 0
-    end, best_model = np.empty(4), np.empty(FIT_SIZE)
-    for longest in np.argsort(-pieces.sizes, kind='mergesort'):
-        if taken[longest]:
-            continue
-        taken[longest] = True
-        first = placed
-        members[placed, 0], members[placed, 1] = longest, 0
-        placed += 1
-        n = _append(pieces, longest, 0, nodes, 0)
-        count, residual, size = pieces.counts[longest], pieces.rss[longest], pieces.sizes[longest]
-        for way in range(2):
-            piece, backward = members[placed - 1]
-            end[:] = pieces.ends[piece, 1 - backward]
-            if way == 1 and placed - first > 1:
-                _outward(best_model, pieces.ends[piece, 1 - backward], end)
-            while True:
-                reach = max_gap
-                x0, x1 = end[0], end[0] + reach * end[2]
-                y0, y1 = end[1], end[1] + reach * end[3]
-                best, best_gap, best_cost = -1, np.inf, np.inf
-                for r in range(_cell(min(y0, y1) - OVERLAP, heads.shape[0]),
-                               _cell(max(y0, y1) + OVERLAP, heads.shape[0]) + 1):
-                    for c in range(_cell(min(x0, x1) - OVERLAP, heads.shape[1]),
-                                   _cell(max(x0, x1) + OVERLAP, heads.shape[1]) + 1):
-                        e = heads[r, c]
-                        while e >= 0:
-                            other, side = e // 2, e % 2
-                            e = chained[e]
-                            if taken[other]:
-                                continue
-                            limit = min(min(max_gap, best_cost),
-                                        GAP_SHARE * (size + pieces.sizes[other]) + 3.0)
-                            gap = _gap(end, pieces.ends[other, side], limit)
-                            if gap >= best_cost:
-                                continue
-                            k = _append(pieces, other, side, nodes, n)
-                            fewer = min(count, pieces.counts[other])
-                            if not _agrees(nodes, k, fewer, tolerance,
-                                           significance, sharpest, model):
-                                continue
-                            cost = gap + MISFIT_COST * math.sqrt(model[6] / fewer)
-                            if cost >= best_cost:
-                                continue
-                            needed = min(EVIDENCE_SLOPE * (gap / min(size, pieces.sizes[other]) - FREE_SHARE), EVIDENCE)
-                            if gap > FREE and needed > 0 and _evidence(model, end, pieces.ends[other, side], dx, dy) < needed:
-                                continue
-                            best, best_gap, best_cost = 2 * other + side, gap, cost
-                            best_model[:] = model
-                if best < 0:
-                    break
-                other, side = best // 2, best % 2
-                n = _append(pieces, other, side, nodes, n)
-                taken[other] = True
-                members[placed, 0], members[placed, 1] = other, side
-                placed += 1
-                count += pieces.counts[other]
-                residual += pieces.rss[other]
-                size += pieces.sizes[other] + best_gap
-                _outward(best_model, pieces.ends[other, 1 - side], end)
-            _reverse(nodes, n)
-            members[first:placed] = members[first:placed][::-1].copy()
-            members[first:placed, 1] = 1 - members[first:placed, 1]
-        circle.fit(nodes[0], nodes[1], nodes[2], 0, n - 1, significance, sharpest,
-                   fits[arcs])
-        fits[arcs, 6] += residual
-        arcs += 1
-        offsets[arcs] = placed
-    return Joined(members, offsets[:arcs + 1], fits[:arcs])
+    m = len(pieces.sums)
+    joined = Joined(np.empty((m, 2), np.int64), np.zeros(m + 1, np.int64), np.empty((m + 2, FIT_SIZE)))
+    arcs = _join(pieces.ends, pieces.nodes, pieces.sums, dx, dy, SEED_SHARE * min_length, max_gap,
+                 tolerance, significance, sharpest, *joined)
+    return Joined(joined.members, joined.offsets[:arcs + 1], joined.fits[:arcs])

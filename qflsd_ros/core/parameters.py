@@ -93,7 +93,7 @@ class Parameters:
         0.3, 'Smallest radius of an arc; a division model has none below 1 / sqrt(-lambda).',
         'of half the image diagonal', 0.01, 100.0)
     min_distance: float = parameter(
-        2.0, 'Of parallel arcs closer than this the longest is reported; 0 reports all.',
+        1.75, 'Of parallel arcs closer than this the longest is reported; 0 reports all.',
         'px', 0.0, 100.0)
     max_gap: float = parameter(
         40.0, 'Longest gap between two pieces of one arc; 0 leaves joining out.',

@@ -14,50 +14,52 @@ import numpy as np
 from qflsd_ros.core.circle import compiled, inlined
 
 PARALLEL = math.cos(math.radians(10.0))
+STEP = 2.0          # px between the places that are looked at
 HIDDEN = 0.5        # share of an arc beside others from which on it is left out
 
 
 @inlined
-def _normal(fit: np.ndarray, x: float, y: float) -> tuple[float, float]:
+def _normal(fits: np.ndarray, arc: int, x: float, y: float) -> tuple[float, float]:
     """Return the gradient of P at a point: the unit normal, where the point is on the curve."""
-    return 2 * fit[2] * (x - fit[0]) + fit[3], 2 * fit[2] * (y - fit[1]) + fit[4]
-
-
-@compiled
-def _walk(arc: int, rows: np.ndarray, fit: np.ndarray, owners: np.ndarray, paint: int) -> None:
-    """Set the map to ``paint`` in the pixels along an arc."""
-    height, width = owners.shape
-    steps = max(1, int(math.ceil(rows[arc, 7])))
-    for i in range(steps + 1):
-        x, y = _at(rows[arc], i / steps)
-        column, row = int(x + 0.5), int(y + 0.5)
-        if 0 <= row < height and 0 <= column < width:
-            owners[row, column] = paint
+    return (2 * fits[arc, 2] * (x - fits[arc, 0]) + fits[arc, 3],
+            2 * fits[arc, 2] * (y - fits[arc, 1]) + fits[arc, 4])
 
 
 @inlined
-def _at(row: np.ndarray, share: float) -> tuple[float, float]:
-    """Return a point of an arc by the parabola through start, middle and end."""
+def _at(rows: np.ndarray, arc: int, share: float) -> tuple[float, float]:
+    """Return a point of an arc, close to the given share of its length, by a parabola."""
     a, b, c = (1 - share) * (1 - 2 * share), 4 * share * (1 - share), share * (2 * share - 1)
-    return a * row[0] + b * row[2] + c * row[4], a * row[1] + b * row[3] + c * row[5]
+    return (a * rows[arc, 0] + b * rows[arc, 2] + c * rows[arc, 4],
+            a * rows[arc, 1] + b * rows[arc, 3] + c * rows[arc, 5])
 
 
 @compiled
-def _hidden(arc: int, rows: np.ndarray, fits: np.ndarray, owners: np.ndarray,
+def _paint(rows: np.ndarray, arc: int, owners: np.ndarray, colour: int) -> None:
+    """Set the map to ``colour`` in the pixels along an arc."""
+    height, width = owners.shape
+    steps = max(1, int(math.ceil(rows[arc, 7])))
+    for i in range(steps + 1):
+        x, y = _at(rows, arc, i / steps)
+        column, row = int(x + 0.5), int(y + 0.5)
+        if 0 <= row < height and 0 <= column < width:
+            owners[row, column] = colour
+
+
+@compiled
+def _hidden(rows: np.ndarray, fits: np.ndarray, arc: int, owners: np.ndarray,
             distance: float) -> float:
     """Return the share of an arc that lies beside painted ones."""
     height, width = owners.shape
-    steps = max(1, int(math.ceil(rows[arc, 7] / 2)))
+    steps = max(1, int(math.ceil(rows[arc, 7] / STEP)))
     reach, covered = int(math.ceil(distance)), 0
     for i in range(steps + 1):
-        x, y = _at(rows[arc], i / steps)
-        nx, ny = _normal(fits[arc], x, y)
+        x, y = _at(rows, arc, i / steps)
+        nx, ny = _normal(fits, arc, x, y)
         for k in range(-reach, reach + 1):
             offset = distance * k / reach
             column, row = int(x + offset * nx + 0.5), int(y + offset * ny + 0.5)
             if 0 <= row < height and 0 <= column < width and owners[row, column] > 0:
-                other = owners[row, column] - 1
-                mx, my = _normal(fits[other], x, y)
+                mx, my = _normal(fits, owners[row, column] - 1, x, y)
                 if abs(nx * mx + ny * my) > PARALLEL:
                     covered += 1
                     break
@@ -87,9 +89,9 @@ def separate(rows: np.ndarray, fits: np.ndarray, distance: float, owners: np.nda
         return
     for arc in np.argsort(-rows[:, 7], kind='mergesort'):
         if keep[arc]:
-            keep[arc] = _hidden(arc, rows, fits, owners, distance) < HIDDEN
+            keep[arc] = _hidden(rows, fits, arc, owners, distance) < HIDDEN
             if keep[arc]:
-                _walk(arc, rows, fits[arc], owners, arc + 1)
+                _paint(rows, arc, owners, arc + 1)
     for arc in range(len(rows)):
         if keep[arc]:
-            _walk(arc, rows, fits[arc], owners, 0)
+            _paint(rows, arc, owners, 0)

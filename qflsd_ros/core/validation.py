@@ -20,7 +20,7 @@ CHANCE = 0.125          # of a random direction to be aligned
 
 
 @compiled
-def support(fit: np.ndarray, dx: np.ndarray, dy: np.ndarray, xs: np.ndarray, ys: np.ndarray,
+def support(fits: np.ndarray, arc: int, dx: np.ndarray, dy: np.ndarray, xs: np.ndarray, ys: np.ndarray,
             first: int, last: int) -> tuple[int, float, float]:
     """
     Compare the gradients (H, W) at edge pixels first to last with the normal of a fit.
@@ -28,11 +28,11 @@ def support(fit: np.ndarray, dx: np.ndarray, dy: np.ndarray, xs: np.ndarray, ys:
     Returns the number of aligned ones, the sum of the steps across the arc in grey levels, and
     the number of pixels where P grows with the grey level less those where it falls.
     """
+    ox, oy, a, b, c = fits[arc, 0], fits[arc, 1], fits[arc, 2], fits[arc, 3], fits[arc, 4]
     aligned, contrast, signs = 0, 0.0, 0.0
     for i in range(first, last + 1):
         gx, gy = float(dx[ys[i], xs[i]]), float(dy[ys[i], xs[i]])
-        nx = 2 * fit[2] * (xs[i] - fit[0]) + fit[3]
-        ny = 2 * fit[2] * (ys[i] - fit[1]) + fit[4]
+        nx, ny = 2 * a * (xs[i] - ox) + b, 2 * a * (ys[i] - oy) + c
         across = gx * nx + gy * ny
         if across * across > ALIGNED ** 2 * (gx * gx + gy * gy):
             aligned += 1
