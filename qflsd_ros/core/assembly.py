@@ -18,11 +18,11 @@ from qflsd_ros.core.validation import score, support
 
 
 @compiled
-def _geometry(fits: np.ndarray, arc: int, ends: np.ndarray, first: int, first_side: int,
-              last: int, last_side: int, rows: np.ndarray) -> None:
-    """Write what follows from a fit and the pieces' ends between which it lies."""
-    x0, y0, _, _ = circle.foot(fits, arc, ends[first, first_side, 0], ends[first, first_side, 1])
-    x1, y1, _, _ = circle.foot(fits, arc, ends[last, last_side, 0], ends[last, last_side, 1])
+def _geometry(fits: np.ndarray, arc: int, ends: np.ndarray, first: int, last: int,
+              rows: np.ndarray) -> None:
+    """Write what follows from a fit and the two ends of pieces between which it lies."""
+    x0, y0, _, _ = circle.foot(fits, arc, ends[first, 0], ends[first, 1])
+    x1, y1, _, _ = circle.foot(fits, arc, ends[last, 0], ends[last, 1])
     cx, cy, mx, my = x1 - x0, y1 - y0, (x0 + x1) / 2, (y0 + y1) / 2
     chord = math.sqrt(cx * cx + cy * cy)
     gx = 2 * fits[arc, 2] * (mx - fits[arc, 0]) + fits[arc, 3]
@@ -87,8 +87,8 @@ def _describe(runs: np.ndarray, ends: np.ndarray, members: np.ndarray, begins: n
     """Fill the rows of all arcs, and mark those to keep: long enough, and no accident."""
     for arc in range(len(keep)):
         begin, end = begins[arc], begins[arc + 1]
-        _geometry(fits, arc, ends, members[begin, 0], members[begin, 1], members[end - 1, 0],
-                  1 - members[end - 1, 1], rows)
+        _geometry(fits, arc, ends, 2 * members[begin, 0] + members[begin, 1],
+                  2 * members[end - 1, 0] + 1 - members[end - 1, 1], rows)
         keep[arc] = rows[arc, LENGTH] >= min_length
         if keep[arc]:
             _evidence(runs, members, begin, end, fits, arc, dx, dy, xs, ys, rows)

@@ -77,7 +77,7 @@ NOISE_FLOOR = 0.05          # px, the least standard deviation that a point is b
 
 @summed
 def fit(points: np.ndarray, first: int, last: int, residual: float, significance: float,
-        sharpest: float, out: np.ndarray) -> bool:
+        sharpest: float, fits: np.ndarray, row: int) -> bool:
     """
     Fit the generalised circle to points ``first`` to ``last`` by least squares.
 
@@ -92,9 +92,9 @@ def fit(points: np.ndarray, first: int, last: int, residual: float, significance
         (2, N) x and y, px, or (3, N) with the number of edge points that each stands for.
     residual
         Residual sum of squares of those edge points about the given ones, px^2, to be added.
-    out
-        (FIT_SIZE,) float64, takes origin, A to D (in the image's axes, relative to the origin), the
-        residual sum of squares, the sum of weights and the variances of A and D.
+    fits, row
+        (R, FIT_SIZE) float64, of which the row takes origin, A to D (in the image's axes, relative
+        to the origin), residual sum of squares, sum of weights, and variances of A and D.
 
     Returns
     -------
@@ -149,9 +149,10 @@ def fit(points: np.ndarray, first: int, last: int, residual: float, significance
         rss = residual + max(0.0, svv + b * stv + d * sv)
         var_d = max(rss / max(sw - 2.0, 1.0), NOISE_FLOOR ** 2) * stt / det
     norm = math.sqrt(max(b * b + 1.0 - 4.0 * a * d, 1e-12))
-    out[0], out[1] = ox, oy
-    out[2], out[3], out[4], out[5] = a / norm, (b * ux - uy) / norm, (b * uy + ux) / norm, d / norm
-    out[6], out[7], out[8], out[9] = rss, sw, var_a, var_d
+    fits[row, 0], fits[row, 1], fits[row, 2] = ox, oy, a / norm
+    fits[row, 3], fits[row, 4] = (b * ux - uy) / norm, (b * uy + ux) / norm
+    fits[row, 5], fits[row, 6], fits[row, 7] = d / norm, rss, sw
+    fits[row, 8], fits[row, 9] = var_a, var_d
     return True
 
 

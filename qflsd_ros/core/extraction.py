@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 
 from qflsd_ros.core import circle
-from qflsd_ros.core.circle import compiled, FIT_SIZE, inlined
+from qflsd_ros.core.circle import compiled, inlined
 
 REFITS = 3          # most rounds of refitting and growing
 
@@ -72,20 +72,20 @@ def _longest(points: np.ndarray, first: int, last: int, span: int,
 @compiled
 def _refit(points: np.ndarray, first: int, last: int, lo: int, hi: int,
            tolerance: float, significance: float, sharpest: float,
-           out: np.ndarray) -> tuple[int, int]:
-    """Fit a run, grow it and fit again; return the run that ``out`` was fitted to, or (0, -1)."""
+           fits: np.ndarray, row: int) -> tuple[int, int]:
+    """Fit a run, grow it and fit again; return the run that was fitted last, or (0, -1)."""
     for turn in range(REFITS):
-        if not circle.fit(points, lo, hi, 0.0, significance, sharpest, out):
+        if not circle.fit(points, lo, hi, 0.0, significance, sharpest, fits, row):
             return 0, -1
-        model = (out[2], out[3], out[4], out[5])
-        new_lo, new_hi = _run(model, out[0], out[1], points, first, last, (lo + hi) // 2,
+        model = (fits[row, 2], fits[row, 3], fits[row, 4], fits[row, 5])
+        new_lo, new_hi = _run(model, fits[row, 0], fits[row, 1], points, first, last, (lo + hi) // 2,
                               tolerance)
         if new_lo == lo and new_hi == hi:
             break
         lo, hi = new_lo, new_hi
     if hi - lo < 2:
         return 0, -1
-    circle.fit(points, lo, hi, 0.0, significance, sharpest, out)
+    circle.fit(points, lo, hi, 0.0, significance, sharpest, fits, row)
     return lo, hi
 
 
@@ -122,7 +122,6 @@ def extract(points: np.ndarray, offsets: np.ndarray, chains: int, shortest: int,
     """
     found = 0
     todo = np.empty((64 + points.shape[1] // max(shortest, 1), 3), np.int64)
-    model = np.empty(FIT_SIZE)
     for chain in range(chains):
         todo[0, 0], todo[0, 1] = offsets[chain], offsets[chain + 1] - 1
         todo[0, 2] = offsets[chain + 1] - offsets[chain]
@@ -135,12 +134,11 @@ def extract(points: np.ndarray, offsets: np.ndarray, chains: int, shortest: int,
                 lo, hi = _longest(points, first, last, span, tolerance, sharpest)
                 if hi - lo + 1 >= span:
                     lo, hi = _refit(points, first, last, lo, hi, tolerance, significance,
-                                    sharpest, model)
+                                    sharpest, fits, found)
                 else:
                     lo, hi = 0, -1
                 if hi - lo + 1 >= shortest:
                     runs[found, 0], runs[found, 1] = lo, hi
-                    fits[found] = model
                     found += 1
                     for a, b in ((first, lo - 1), (hi + 1, last)):
                         if b - a + 1 >= shortest:

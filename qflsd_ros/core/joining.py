@@ -45,7 +45,8 @@ class Pieces(NamedTuple):
     """M arcs out of chains, as columns."""
 
     runs: np.ndarray        # (M, 2) int64, first and last edge point
-    ends: np.ndarray        # (M, 2, 4) float64: x, y, outward unit tangent at start and end
+    ends: np.ndarray        # (2 M + 1, 4) float64: x, y, outward unit tangent at start and end of
+                            # each piece; the last row is that of the arc in the making
     nodes: np.ndarray       # (M, NODES, 2) float64, px
     sums: np.ndarray        # (M, 3) float64: number of edge points, residual sum of squares, chord
 
@@ -59,20 +60,27 @@ class Joined(NamedTuple):
 
 
 @compiled
+def _end(fits: np.ndarray, which: int, x: float, y: float, ends: np.ndarray, e: int) -> None:
+    """Write the foot of a point on a fitted curve, and the tangent there."""
+    ends[e, 0], ends[e, 1], ends[e, 2], ends[e, 3] = circle.foot(fits, which, x, y)
+
+
+@compiled
 def _shapes(points: np.ndarray, runs: np.ndarray, fits: np.ndarray, ends: np.ndarray,
             nodes: np.ndarray, sums: np.ndarray) -> None:
     """Fill the columns of :class:`Pieces`."""
     for i in range(len(runs)):
-        for k in range(2):
-            ends[i, k] = circle.foot(fits, i, points[0, runs[i, k]], points[1, runs[i, k]])
-        cx, cy = ends[i, 1, 0] - ends[i, 0, 0], ends[i, 1, 1] - ends[i, 0, 1]
-        for k in range(2):
-            if (2 * k - 1) * (ends[i, k, 2] * cx + ends[i, k, 3] * cy) < 0:
-                ends[i, k, 2], ends[i, k, 3] = -ends[i, k, 2], -ends[i, k, 3]
+        a, b = 2 * i, 2 * i + 1
+        _end(fits, i, points[0, runs[i, 0]], points[1, runs[i, 0]], ends, a)
+        _end(fits, i, points[0, runs[i, 1]], points[1, runs[i, 1]], ends, b)
+        cx, cy = ends[b, 0] - ends[a, 0], ends[b, 1] - ends[a, 1]
+        if ends[a, 2] * cx + ends[a, 3] * cy > 0:
+            ends[a, 2], ends[a, 3] = -ends[a, 2], -ends[a, 3]
+        if ends[b, 2] * cx + ends[b, 3] * cy < 0:
+            ends[b, 2], ends[b, 3] = -ends[b, 2], -ends[b, 3]
         for k in range(NODES):
             share = 0.5 + 0.5 * NODE_AT[k]
-            x, y, _, _ = circle.foot(fits, i, ends[i, 0, 0] + share * cx,
-                                     ends[i, 0, 1] + share * cy)
+            x, y, _, _ = circle.foot(fits, i, ends[a, 0] + share * cx, ends[a, 1] + share * cy)
             nodes[i, k, 0], nodes[i, k, 1] = x, y
         sums[i, COUNT], sums[i, RSS] = fits[i, 7], fits[i, 6]
         sums[i, SIZE] = math.sqrt(cx * cx + cy * cy)
@@ -81,7 +89,7 @@ def _shapes(points: np.ndarray, runs: np.ndarray, fits: np.ndarray, ends: np.nda
 def describe(points: np.ndarray, runs: np.ndarray, fits: np.ndarray) -> Pieces:
     """Describe the arcs that :func:`extraction.extract` found for joining."""
     m = len(runs)
-    pieces = Pieces(runs, np.empty((m, 2, 4)), np.empty((m, NODES, 2)), np.empty((m, 3)))
+    pieces = Pieces(runs, np.empty((2 * m + 1, 4)), np.empty((m, NODES, 2)), np.empty((m, 3)))
     _shapes(points, runs, fits, pieces.ends, pieces.nodes, pieces.sums)
     return pieces
 
@@ -94,25 +102,23 @@ def _index(ends: np.ndarray, height: int, width: int) -> tuple[np.ndarray, np.nd
     Returns where each cell begins, (rows, columns + 1), which ends (2 piece + side) are in it, and
     these ends' position and tangent, (2 M, 4), in the same order.
     """
-    columns, rows = int(width / CELL) + 1, int(height / CELL) + 1
+    columns, rows, count = int(width / CELL) + 1, int(height / CELL) + 1, len(ends) - 1
     begins = np.zeros((rows, columns + 1), np.int64)
-    cell = np.empty(2 * len(ends), np.int64)
-    filled = np.zeros(rows * columns + 1, np.int64)
-    for e in range(2 * len(ends)):
-        x, y = ends[e // 2, e % 2, 0], ends[e // 2, e % 2, 1]
-        cell[e] = _cell(y, rows) * columns + _cell(x, columns)
+    cell, filled = np.empty(count, np.int64), np.zeros(rows * columns + 1, np.int64)
+    for e in range(count):
+        cell[e] = _cell(ends[e, 1], rows) * columns + _cell(ends[e, 0], columns)
         filled[cell[e] + 1] += 1
     for k in range(rows * columns):
         filled[k + 1] += filled[k]
     for r in range(rows):
         begins[r] = filled[r * columns:(r + 1) * columns + 1]
-    sorted_ends, places = np.empty(2 * len(ends), np.int64), np.empty((2 * len(ends), 4))
-    for e in range(2 * len(ends)):
+    sorted_ends, places = np.empty(count, np.int64), np.empty((count, 4))
+    for e in range(count):
         k = filled[cell[e]]
         filled[cell[e]] += 1
         sorted_ends[k] = e
         for column in range(4):
-            places[k, column] = ends[e // 2, e % 2, column]
+            places[k, column] = ends[e, column]
     return begins, sorted_ends, places
 
 
@@ -122,16 +128,17 @@ def _cell(coordinate: float, cells: int) -> int:
 
 
 @inlined
-def _gap(end: np.ndarray, places: np.ndarray, k: int, longest: float) -> float:
-    """Return the gap between two ends that may belong together, px, or inf."""
-    gx, gy = places[k, 0] - end[0], places[k, 1] - end[1]
+def _gap(x: float, y: float, tx: float, ty: float, places: np.ndarray, k: int,
+         longest: float) -> float:
+    """Return the gap from an end (position, tangent) to one that may belong to it, px, or inf."""
+    gx, gy = places[k, 0] - x, places[k, 1] - y
     square = gx * gx + gy * gy
-    along = gx * end[2] + gy * end[3]
+    along = gx * tx + gy * ty
     if square > longest * longest or along < -OVERLAP:
         return np.inf
     gap = math.sqrt(square)
-    if (abs(gx * end[3] - gy * end[2]) > ACROSS + ACROSS_SLOPE * gap
-            or end[2] * places[k, 2] + end[3] * places[k, 3] > -COSINE):
+    if (abs(gx * ty - gy * tx) > ACROSS + ACROSS_SLOPE * gap
+            or tx * places[k, 2] + ty * places[k, 3] > -COSINE):
         return np.inf
     return gap
 
@@ -186,8 +193,8 @@ def _evidence(fits: np.ndarray, which: int, x0: float, y0: float, x1: float, y1:
 @compiled
 def _cost(nodes: np.ndarray, sums: np.ndarray, other: int, side: int, gap: float,
           arc: np.ndarray, n: int, total: np.ndarray, fits: np.ndarray, now: int,
-          tolerance: float, significance: float, sharpest: float, trial: np.ndarray) -> float:
-    """Return what joining a piece to an arc costs, px, or inf; the joined fit is in the trial."""
+          tolerance: float, significance: float, sharpest: float) -> float:
+    """Return what joining a piece to an arc costs, px, or inf; writes their fit behind the arc's."""
     k = _append(nodes, sums, other, side, arc, n)
     size = sums[other, SIZE]
     # The farther a piece reaches beyond the arc so far, the less that says where it should be.
@@ -196,10 +203,10 @@ def _cost(nodes: np.ndarray, sums: np.ndarray, other: int, side: int, gap: float
     if _farthest(fits, now, arc, n, k) > off * (1 + 2 * lever * lever):
         return np.inf
     residual = total[RSS] + sums[other, RSS]
-    if not circle.fit(arc, 0, k - 1, residual, significance, sharpest, trial):
+    if not circle.fit(arc, 0, k - 1, residual, significance, sharpest, fits, now + 1):
         return np.inf
-    misfit = math.sqrt(max(0.0, trial[6] - residual) / min(total[COUNT], sums[other, COUNT]))
-    fits[now + 1] = trial
+    misfit = math.sqrt(max(0.0, fits[now + 1, 6] - residual) / min(total[COUNT],
+                                                                    sums[other, COUNT]))
     if misfit > MISFIT or _farthest(fits, now + 1, arc, 0, k) > off:
         return np.inf
     return gap + MISFIT_COST * misfit
@@ -208,33 +215,34 @@ def _cost(nodes: np.ndarray, sums: np.ndarray, other: int, side: int, gap: float
 @compiled
 def _partner(nodes: np.ndarray, sums: np.ndarray, begins: np.ndarray, sorted_ends: np.ndarray,
              places: np.ndarray, taken: np.ndarray, arc: np.ndarray, n: int, total: np.ndarray,
-             fits: np.ndarray, now: int, end: np.ndarray, max_gap: float, tolerance: float,
-             significance: float, sharpest: float, dx: np.ndarray, dy: np.ndarray,
-             trial: np.ndarray) -> tuple[int, float]:
+             fits: np.ndarray, now: int, ends: np.ndarray, max_gap: float, tolerance: float,
+             significance: float, sharpest: float, dx: np.ndarray,
+             dy: np.ndarray) -> tuple[int, float]:
     """Return the end (2 piece + side, or -1) that continues an arc best, and the gap to it."""
     rows, columns = begins.shape[0], begins.shape[1] - 1
     reach = min(max_gap, 2 * GAP_SHARE * total[SIZE])
-    x, y = end[0] + reach * end[2], end[1] + reach * end[3]
-    left = _cell(min(x, end[0]) - OVERLAP, columns)
-    right = _cell(max(x, end[0]) + OVERLAP, columns)
+    tip = len(ends) - 1
+    x, y, tx, ty = ends[tip, 0], ends[tip, 1], ends[tip, 2], ends[tip, 3]
+    left = _cell(min(x, x + reach * tx) - OVERLAP, columns)
+    right = _cell(max(x, x + reach * tx) + OVERLAP, columns)
     best, best_gap, best_cost = -1, np.inf, np.inf
-    for r in range(_cell(min(y, end[1]) - OVERLAP, rows),
-                   _cell(max(y, end[1]) + OVERLAP, rows) + 1):
+    for r in range(_cell(min(y, y + reach * ty) - OVERLAP, rows),
+                   _cell(max(y, y + reach * ty) + OVERLAP, rows) + 1):
         for k in range(begins[r, left], begins[r, right + 1]):
-            gap = _gap(end, places, k, min(reach, best_cost))
+            gap = _gap(x, y, tx, ty, places, k, min(reach, best_cost))
             if gap == np.inf:
                 continue
             other = sorted_ends[k] // 2
             if taken[other] or gap > GAP_SHARE * (total[SIZE] + sums[other, SIZE]):
                 continue
             cost = _cost(nodes, sums, other, sorted_ends[k] % 2, gap, arc, n, total, fits, now,
-                         tolerance, significance, sharpest, trial)
+                         tolerance, significance, sharpest)
             if cost >= best_cost:
                 continue
             shorter = min(sums[other, SIZE], total[SIZE])
             needed = min(EVIDENCE, EVIDENCE_SLOPE * (gap / shorter - FREE_SHARE))
             if (gap <= FREE or needed <= 0 or needed <= _evidence(
-                    fits, now + 1, end[0], end[1], places[k, 0], places[k, 1], dx, dy)):
+                    fits, now + 1, x, y, places[k, 0], places[k, 1], dx, dy)):
                 best, best_gap, best_cost = sorted_ends[k], gap, cost
     return best, best_gap
 
@@ -242,24 +250,23 @@ def _partner(nodes: np.ndarray, sums: np.ndarray, begins: np.ndarray, sorted_end
 @compiled
 def _take(nodes: np.ndarray, sums: np.ndarray, piece: int, side: int, gap: float,
           significance: float, sharpest: float, arc: np.ndarray, n: int, total: np.ndarray,
-          fits: np.ndarray, now: int, trial: np.ndarray) -> int:
+          fits: np.ndarray, now: int) -> int:
     """Add a piece, travelled from its given side on, to an arc; return the number of its nodes."""
     n = _append(nodes, sums, piece, side, arc, n)
     for k in range(3):
         total[k] += sums[piece, k]
     total[SIZE] += gap
-    circle.fit(arc, 0, n - 1, total[RSS], significance, sharpest, trial)
-    fits[now] = trial
+    circle.fit(arc, 0, n - 1, total[RSS], significance, sharpest, fits, now)
     return n
 
 
 @compiled
-def _outward(ends: np.ndarray, piece: int, side: int, fits: np.ndarray, now: int,
-             out: np.ndarray) -> None:
-    """Write the foot of a piece's end on a curve, with the tangent that points the same way."""
-    out[:] = circle.foot(fits, now, ends[piece, side, 0], ends[piece, side, 1])
-    if out[2] * ends[piece, side, 2] + out[3] * ends[piece, side, 3] < 0:
-        out[2], out[3] = -out[2], -out[3]
+def _outward(ends: np.ndarray, e: int, fits: np.ndarray, now: int) -> None:
+    """Make the foot of a piece's end on an arc the end of the arc in the making."""
+    tip = len(ends) - 1
+    _end(fits, now, ends[e, 0], ends[e, 1], ends, tip)
+    if ends[tip, 2] * ends[e, 2] + ends[tip, 3] * ends[e, 3] < 0:
+        ends[tip, 2], ends[tip, 3] = -ends[tip, 2], -ends[tip, 3]
 
 
 @compiled
@@ -283,8 +290,7 @@ def _join(ends: np.ndarray, nodes: np.ndarray, sums: np.ndarray, dx: np.ndarray,
           sharpest: float, members: np.ndarray, offsets: np.ndarray, fits: np.ndarray) -> int:
     m = len(sums)
     begins, sorted_ends, places = _index(ends, dx.shape[0], dx.shape[1])
-    taken, arc = np.zeros(m, np.bool_), np.empty((3, NODES * m))
-    total, end, trial = np.empty(3), np.empty(4), np.empty(FIT_SIZE)
+    taken, arc, total = np.zeros(m, np.bool_), np.empty((3, NODES * m)), np.empty(3)
     arcs = 0
     for seed in np.argsort(-sums[:, SIZE], kind='mergesort'):
         if sums[seed, SIZE] < shortest:
@@ -296,20 +302,20 @@ def _join(ends: np.ndarray, nodes: np.ndarray, sums: np.ndarray, dx: np.ndarray,
         members[placed, 0], members[placed, 1] = seed, 0
         total[:] = 0
         n = _take(nodes, sums, seed, 0, 0.0, significance, sharpest, arc, 0, total, fits,
-                  arcs, trial)
+                  arcs)
         for _ in range(2):
             while True:
-                _outward(ends, members[placed, 0], 1 - members[placed, 1], fits, arcs, end)
+                _outward(ends, 2 * members[placed, 0] + 1 - members[placed, 1], fits, arcs)
                 best, gap = _partner(nodes, sums, begins, sorted_ends, places, taken, arc, n,
-                                     total, fits, arcs, end, max_gap, tolerance,
-                                     significance, sharpest, dx, dy, trial)
+                                     total, fits, arcs, ends, max_gap, tolerance,
+                                     significance, sharpest, dx, dy)
                 if best < 0:
                     break
                 placed += 1
                 members[placed, 0], members[placed, 1] = best // 2, best % 2
                 taken[best // 2] = True
                 n = _take(nodes, sums, best // 2, best % 2, gap, significance, sharpest, arc, n,
-                          total, fits, arcs, trial)
+                          total, fits, arcs)
             _turn_round(arc, n, members, first, placed)
         arcs += 1
         offsets[arcs] = placed + 1
