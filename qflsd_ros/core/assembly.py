@@ -39,7 +39,9 @@ def _geometry(fits: np.ndarray, arc: int, ends: np.ndarray, first: int, last: in
     rows[arc, END], rows[arc, END + 1] = x1, y1
     rows[arc, CURVATURE] = turn * bend if bend > 0 else 0.0
     rows[arc, LENGTH] = 2 * half / bend if half > 1e-9 else chord
-    rows[arc, RMS], rows[arc, SUPPORT] = math.sqrt(fits[arc, 6] / fits[arc, 7]), fits[arc, 7]
+    rows[arc, RMS] = math.sqrt(fits[arc, 6] / fits[arc, 7])
+    # The fit's count is a sum of quadrature weights: whole up to rounding.
+    rows[arc, SUPPORT] = np.rint(fits[arc, 7])
     rows[arc, CURVATURE_STD] = 2 * math.sqrt(fits[arc, 8])
     rows[arc, OFFSET_STD] = math.sqrt(fits[arc, 9])
 
