@@ -40,13 +40,7 @@ def write(folder: Path, picture: Picture, pixels: np.ndarray, arcs: Arcs,
 
 def table(arcs: Arcs) -> str:
     """Return the arcs as CSV: a header, then a row an arc; start becomes start_x, start_y."""
-    columns = {}
-    for name in arcs.table.dtype.names:
-        column = arcs.table[name]
-        if column.ndim == 1:
-            columns[name] = column.tolist()
-        else:
-            columns.update(zip((f'{name}_x', f'{name}_y'), column.T.tolist()))
+    columns = {name: column.tolist() for name, column in arcs.columns().items()}
     text = io.StringIO()
     writer = csv.writer(text, lineterminator='\n')
     writer.writerow(columns)

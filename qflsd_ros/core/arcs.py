@@ -57,6 +57,16 @@ class Arcs:
         """Return the number of arcs."""
         return len(self.table)
 
+    def columns(self) -> dict[str, np.ndarray]:
+        """Return the table's columns by name, (M,) each; start becomes start_x and start_y."""
+        columns = {}
+        for name in self.table.dtype.names:
+            if self.table.dtype[name].shape:
+                columns[f'{name}_x'], columns[f'{name}_y'] = self.table[name].T
+            else:
+                columns[name] = self.table[name]
+        return columns
+
     def pixels(self, i: int) -> np.ndarray:
         """Return the chain behind arc i: (support, 2) int32, x and y, in order along the arc."""
         return self.edge_pixels[self._rows(i)]

@@ -10,7 +10,7 @@ from array import array
 
 import numpy as np
 from qflsd_ros import overlay
-from qflsd_ros.core.arcs import Arcs, TABLE
+from qflsd_ros.core.arcs import Arcs
 from sensor_msgs.msg import Image, PointCloud2, PointField
 from std_msgs.msg import Header
 
@@ -23,22 +23,10 @@ DATATYPES = {
     'f4': PointField.FLOAT32, 'f8': PointField.FLOAT64}
 CODES = {datatype: code for code, datatype in DATATYPES.items()}
 
-
-def _columns(table: np.ndarray) -> dict[str, np.ndarray]:
-    """Return the columns of a table of arcs by name; what has two values becomes _x and _y."""
-    columns = {}
-    for name in table.dtype.names:
-        if table.dtype[name].shape == (2,):
-            columns[name + '_x'], columns[name + '_y'] = table[name].T
-        else:
-            columns[name] = table[name]
-    return columns
-
-
 # x, y, z (the middle of the arc, 0) for RViz, then the columns of the table with 32 bits each.
 ARC = np.dtype([('x', '<f4'), ('y', '<f4'), ('z', '<f4')] + [
     (name, f'<{column.dtype.kind}4')
-    for name, column in _columns(np.zeros(0, TABLE)).items()])
+    for name, column in Arcs.empty().columns().items()])
 
 
 def segments(header: Header, arcs: Arcs, tolerance: float) -> PointCloud2:
@@ -58,7 +46,7 @@ def segments(header: Header, arcs: Arcs, tolerance: float) -> PointCloud2:
 def arc_records(header: Header, arcs: Arcs) -> PointCloud2:
     """Return one record for every arc; its fields are those of :data:`ARC`."""
     rows = np.zeros(len(arcs), ARC)
-    for name, column in _columns(arcs.table).items():
+    for name, column in arcs.columns().items():
         rows[name] = column
     rows['x'], rows['y'] = arcs.table['middle'].T
     return cloud(header, rows)
