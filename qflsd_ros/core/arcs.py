@@ -100,31 +100,50 @@ class Arcs:
         if not tolerance > 0:
             raise ValueError(f'tolerance is {tolerance}: must be above 0 px')
         length, curvature = self.table['length'], self.table['curvature']
-        turn = curvature * length
+        half = curvature * length / 2
         # The sagitta of a chord that turns by t is (1 - cos(t / 2)) / |curvature|.
         bow = np.clip(1 - tolerance * np.abs(curvature), -1, 1)
-        most = np.maximum(2 * np.arccos(bow), 1e-12)
-        counts = 1 + np.maximum(1, np.ceil(np.abs(turn) / most)).astype(np.int64)
-        first = np.cumsum(counts) - counts
-        owner = np.repeat(np.arange(len(counts)), counts)
-        share = (np.arange(len(owner)) - first[owner]) / (counts - 1)[owner]
-        return self._at(owner, share), counts
+        most = np.maximum(np.arccos(bow), 5e-13)
+        chords = np.maximum(1, np.ceil(np.abs(half) / most)).astype(np.int64)
+        return self._at(half, chords), chords + 1
 
-    def _at(self, owner: np.ndarray, share: np.ndarray) -> np.ndarray:
-        """Return the points at given shares (0 to 1) of the lengths of given arcs."""
-        table = self.table
-        chord = table['end'] - table['start']
-        size = np.maximum(np.hypot(chord[:, 0], chord[:, 1]), 1e-300)
-        along = chord / size[:, None]
-        turn = table['curvature'] * table['length']
-        # In the frame of the chord, the arc starts at the angle -turn / 2.
-        half, angle = turn[owner] / 2, share * turn[owner]
-        straight = np.abs(half) < 1e-9
-        scale = size[owner] / np.where(straight, 1, 2 * np.sin(np.where(straight, 1, half)))
-        x = np.where(straight, share * size[owner], scale * (np.sin(angle - half) + np.sin(half)))
-        y = np.where(straight, 0, scale * (np.cos(half) - np.cos(angle - half)))
-        u = along[owner]
-        return table['start'][owner] + np.c_[x * u[:, 0] - y * u[:, 1], x * u[:, 1] + y * u[:, 0]]
+    def _at(self, half: np.ndarray, chords: np.ndarray) -> np.ndarray:
+        """Return the ends of equal chords of all arcs, which turn by twice ``half`` radians."""
+        # With complex numbers, a chord c from the start s, and the part u of half the turn h,
+        # a point is s + c exp(i (u - h)) sin(u) / sin(h): as exact for what is all but straight.
+        half = np.where(half == 0, 1e-300, half)
+        start, end = (self.table[name].view(np.complex128)[:, 0] for name in ('start', 'end'))
+        counts = chords + 1
+        index = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+        part = np.repeat(half / chords, counts) * index
+        rise = np.sin(part)
+        points = np.empty(len(part), np.complex128)
+        np.multiply(rise, np.cos(part), out=points.real)
+        np.multiply(rise, rise, out=points.imag)
+        points *= np.repeat((end - start) * np.exp(-1j * half) / np.sin(half), counts)
+        points += np.repeat(start, counts)
+        return points.view(np.float64).reshape(-1, 2)
+
+    def scaled(self, factor: int) -> Arcs:
+        """
+        Return the same arcs in the coordinates of an image ``factor`` times as large.
+
+        A pixel of the small image is a block of ``factor`` x ``factor`` pixels of the large one,
+        from (0, 0) on: its centre x lies at ``(x + 0.5) * factor - 0.5``.  Of the edge pixels
+        each becomes the one at the centre of its block, or the last one before that.
+        """
+        def place(points: np.ndarray) -> np.ndarray:
+            return (points + 0.5) * factor - 0.5
+
+        table = self.table.copy()
+        for name in ('start', 'middle', 'end'):
+            table[name] = place(table[name])
+        for name in ('length', 'rms', 'offset_std'):
+            table[name] *= factor
+        for name in ('curvature', 'curvature_std'):
+            table[name] /= factor
+        pixels = self.edge_pixels * factor + (factor - 1) // 2
+        return Arcs(table, place(self.edge_points), pixels, self.offsets)
 
     def polylines(self, tolerance: float = 0.1) -> list[np.ndarray]:
         """

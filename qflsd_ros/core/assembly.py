@@ -7,7 +7,7 @@ import numpy as np
 
 from qflsd_ros.core import circle
 from qflsd_ros.core.arcs import Arcs, TABLE
-from qflsd_ros.core.circle import compiled
+from qflsd_ros.core.compilation import compiled
 from qflsd_ros.core.joining import Joined, Pieces
 from qflsd_ros.core.separation import separate
 from qflsd_ros.core.validation import score, support
@@ -48,15 +48,14 @@ def _geometry(fits: np.ndarray, arc: int, ends: np.ndarray, first: int, last: in
 
 @compiled
 def _evidence(runs: np.ndarray, members: np.ndarray, begin: int, end: int, fits: np.ndarray,
-              arc: int, dx: np.ndarray, dy: np.ndarray, xs: np.ndarray, ys: np.ndarray,
-              rows: np.ndarray) -> None:
+              arc: int, points: np.ndarray, pixels: int, rows: np.ndarray) -> None:
     """Write score, contrast, and as polarity the share of points where P grows, less the rest."""
     aligned, contrast, signs = 0, 0.0, 0.0
     for k in range(begin, end):
         piece = members[k, 0]
-        a, c, s = support(fits, arc, dx, dy, xs, ys, runs[piece, 0], runs[piece, 1])
+        a, c, s = support(fits, arc, points, runs[piece, 0], runs[piece, 1])
         aligned, contrast, signs = aligned + a, contrast + c, signs + s
-    rows[arc, SCORE] = score(rows[arc, SUPPORT], aligned, dx.size)
+    rows[arc, SCORE] = score(rows[arc, SUPPORT], aligned, pixels)
     rows[arc, CONTRAST] = contrast / rows[arc, SUPPORT]
     rows[arc, POLARITY] = signs / rows[arc, SUPPORT]
 
@@ -84,8 +83,8 @@ def _orient(fits: np.ndarray, arc: int, members: np.ndarray, begin: int, end: in
 
 @compiled
 def _describe(runs: np.ndarray, ends: np.ndarray, members: np.ndarray, begins: np.ndarray,
-              fits: np.ndarray, dx: np.ndarray, dy: np.ndarray, xs: np.ndarray, ys: np.ndarray,
-              min_length: float, rows: np.ndarray, keep: np.ndarray) -> None:
+              fits: np.ndarray, points: np.ndarray, pixels: int, min_length: float,
+              min_score: float, rows: np.ndarray, keep: np.ndarray) -> None:
     """Fill the rows of all arcs, and mark those to keep: long enough, and no accident."""
     for arc in range(len(keep)):
         begin, end = begins[arc], begins[arc + 1]
@@ -93,8 +92,8 @@ def _describe(runs: np.ndarray, ends: np.ndarray, members: np.ndarray, begins: n
                   2 * members[end - 1, 0] + 1 - members[end - 1, 1], rows)
         keep[arc] = rows[arc, LENGTH] >= min_length
         if keep[arc]:
-            _evidence(runs, members, begin, end, fits, arc, dx, dy, xs, ys, rows)
-            keep[arc] = rows[arc, SCORE] >= 0
+            _evidence(runs, members, begin, end, fits, arc, points, pixels, rows)
+            keep[arc] = rows[arc, SCORE] >= min_score
         if keep[arc]:
             _orient(fits, arc, members, begin, end, rows)
 
@@ -120,14 +119,16 @@ def _gather(runs: np.ndarray, members: np.ndarray, begins: np.ndarray, keep: np.
         offsets[arcs] = n
 
 
-def assemble(pieces: Pieces, joined: Joined, dx: np.ndarray, dy: np.ndarray, owners: np.ndarray,
-             xs: np.ndarray, ys: np.ndarray, points: np.ndarray, min_length: float,
+def assemble(pieces: Pieces, joined: Joined, shape: tuple[int, int], xs: np.ndarray,
+             ys: np.ndarray, points: np.ndarray, min_length: float, min_score: float,
              min_distance: float) -> Arcs:
     """Return the arcs that are long enough, no accident, and not beside a longer one."""
     most = len(joined.fits)
     rows, keep = np.zeros((most, COLUMNS)), np.empty(most, np.bool_)
-    _describe(pieces.runs, pieces.ends, *joined, dx, dy, xs, ys, min_length, rows, keep)
-    separate(rows, joined.fits, min_distance, owners, keep)
+    _describe(pieces.runs, pieces.ends, *joined, points, shape[0] * shape[1], min_length,
+              min_score, rows, keep)
+    if min_distance > 0:
+        separate(rows, joined.fits, shape[0], shape[1], min_distance, keep)
     kept = rows[keep]
     count = int(kept[:, SUPPORT].sum())
     offsets = np.zeros(len(kept) + 1, np.int64)

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from qflsd_ros.core.circle import compiled, inlined
+from qflsd_ros.core.compilation import compiled, inlined
 from qflsd_ros.core.edges import STRONG, TAN_22
 
 # The 8 neighbours in order of their direction, in steps of 45 degrees from the x axis to the y axis.
@@ -47,7 +47,7 @@ def _next(edges: np.ndarray, at: int, steps: np.ndarray, before: int, ux: float,
     return best
 
 
-@compiled
+@inlined
 def _octant(x: float, y: float) -> int:
     """Return the number (0 to 7) of the neighbour closest to the direction (x, y)."""
     if abs(y) < TAN_22 * abs(x):
@@ -59,7 +59,7 @@ def _octant(x: float, y: float) -> int:
     return 3 if y > 0 else 5
 
 
-@compiled
+@inlined
 def _walk(edges: np.ndarray, steps: np.ndarray, x: int, y: int, at: int, ux: float, uy: float,
           xs: np.ndarray, ys: np.ndarray, n: int) -> int:
     """Follow an edge from (x, y) on, appending to xs, ys from row n; return the new n."""
@@ -78,7 +78,7 @@ def _walk(edges: np.ndarray, steps: np.ndarray, x: int, y: int, at: int, ux: flo
         uy = MEMORY * uy + (1 - MEMORY) * UNIT_Y[k]
 
 
-@compiled
+@inlined
 def _turn_round(values: np.ndarray, first: int, last: int) -> None:
     while first < last:
         values[first], values[last] = values[last], values[first]
@@ -86,7 +86,7 @@ def _turn_round(values: np.ndarray, first: int, last: int) -> None:
         last -= 1
 
 
-@compiled
+@inlined
 def _chain(edges: np.ndarray, steps: np.ndarray, x: int, y: int, at: int, ux: float, uy: float,
            xs: np.ndarray, ys: np.ndarray, n: int) -> int:
     """Append the whole chain through the pixel (x, y) from row n on; return the new n."""

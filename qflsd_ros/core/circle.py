@@ -18,15 +18,11 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
 import numpy as np
 
-Circle = tuple[float, float, float, float]
+from qflsd_ros.core.compilation import compiled, inlined, summed
 
-compiled = njit(cache=True, nogil=True, error_model='numpy')
-# Sums may be formed in any order, several terms at once.
-summed = njit(cache=True, nogil=True, error_model='numpy', fastmath={'reassoc', 'contract', 'nsz'})
-inlined = njit(cache=True, nogil=True, error_model='numpy', inline='always')
+Circle = tuple[float, float, float, float]
 
 
 @inlined
@@ -35,14 +31,14 @@ def value(circle: Circle, x: float, y: float) -> float:
     return circle[0] * (x * x + y * y) + circle[1] * x + circle[2] * y + circle[3]
 
 
-@compiled
+@inlined
 def distance(circle: Circle, x: float, y: float) -> float:
     """Return the exact signed distance of a point from the circle, px."""
     p = value(circle, x, y)
     return 2 * p / (1 + math.sqrt(max(0.0, 1 + 4 * circle[0] * p)))
 
 
-@compiled
+@inlined
 def through(x0: float, y0: float, x1: float, y1: float, x2: float, y2: float,
             sharpest: float) -> Circle:
     """
@@ -156,7 +152,7 @@ def fit(points: np.ndarray, first: int, last: int, residual: float, significance
     return True
 
 
-@compiled
+@inlined
 def foot(fits: np.ndarray, i: int, x: float, y: float) -> tuple[float, float, float, float]:
     """Return the point of fitted curve i closest to (x, y), and the unit tangent there."""
     dx, dy = x - fits[i, 0], y - fits[i, 1]

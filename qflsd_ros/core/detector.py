@@ -103,8 +103,8 @@ class Detector:
         joined = joining.join(pieces, memory.dx, memory.dy, parameters.min_length,
                               parameters.max_gap, parameters.tolerance, SIGNIFICANCE,
                               self._sharpest())
-        return assembly.assemble(pieces, joined, memory.dx, memory.dy, memory.owners,
-                                 memory.xs, memory.ys, memory.points, parameters.min_length,
+        return assembly.assemble(pieces, joined, memory.shape, memory.xs, memory.ys,
+                                 memory.points, parameters.min_length, parameters.min_score,
                                  parameters.min_distance)
 
     def _sharpest(self) -> float:
@@ -135,7 +135,6 @@ class _Memory:
         self.dx, self.dy = np.empty(self.shape, np.int16), np.empty(self.shape, np.int16)
         self.magnitude = np.empty(self.shape, np.float32)
         self.flat = np.zeros((height * width + 7) // 8 * 8, np.uint8)
-        self.owners = np.zeros(self.shape, np.int32)
         self.words = self.flat.view(np.uint64)
         self.edges = self.flat[:height * width].reshape(self.shape)
         self.reserve(1)
@@ -146,7 +145,7 @@ class _Memory:
             return
         size = edge_pixels + edge_pixels // 2
         self.xs, self.ys = np.empty(size, np.int32), np.empty(size, np.int32)
-        self.points = np.empty((2, size), np.float32)
+        self.points = np.empty((4, size), np.float32)
         most = size // SHORTEST + 2
         self.offsets, self.runs = np.empty(most, np.int64), np.empty((most, 2), np.int64)
         self.fits = np.empty((most, FIT_SIZE))

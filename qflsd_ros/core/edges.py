@@ -10,10 +10,9 @@ from __future__ import annotations
 import math
 
 import cv2
-from numba import njit
 import numpy as np
 
-from qflsd_ros.core.circle import compiled
+from qflsd_ros.core.compilation import compiled
 
 SOBEL_GAIN = 4.0                # Sobel's response to a step of one grey level
 WEAK, STRONG = 1, 2             # what an edge pixel is in the edge map
@@ -95,7 +94,7 @@ def thin(dx: np.ndarray, dy: np.ndarray, magnitude: np.ndarray, low: float, high
 def locate(dx: np.ndarray, dy: np.ndarray, magnitude: np.ndarray, width: int,
            xs: np.ndarray, ys: np.ndarray, n: int, points: np.ndarray) -> None:
     """
-    Find the subpixel positions of edge pixels, after Devernay.
+    Find the subpixel positions of edge pixels, after Devernay, and the gradients there.
 
     The gradient's magnitude at the pixel and at its two neighbours along x or y, whichever is
     closer to the gradient, is taken for a parabola; its maximum lies on the edge.
@@ -109,13 +108,14 @@ def locate(dx: np.ndarray, dy: np.ndarray, magnitude: np.ndarray, width: int,
     xs, ys
         (E,) int32, of which the first n are the pixels; none lies on the image's border.
     points
-        (2, E) float32, takes the positions x and y, px.
+        (4, E) float32, takes the positions x and y, px, and the gradient in grey levels.
 
     """
-    half = np.float32(0.5)
+    half, scale = np.float32(0.5), np.float32(1 / SOBEL_GAIN)
     for i in range(n):
         at = ys[i] * width + xs[i]
-        across_x = abs(dx[at]) >= abs(dy[at])
+        gx, gy = np.float32(dx[at]), np.float32(dy[at])
+        across_x = abs(gx) >= abs(gy)
         step = 1 if across_x else width
         a, b, c = magnitude[at - step], magnitude[at], magnitude[at + step]
         bend = a - 2 * b + c
@@ -124,3 +124,4 @@ def locate(dx: np.ndarray, dy: np.ndarray, magnitude: np.ndarray, width: int,
             offset = min(max(half * (a - c) / bend, -half), half)
         points[0, i] = xs[i] + (offset if across_x else np.float32(0))
         points[1, i] = ys[i] + (np.float32(0) if across_x else offset)
+        points[2, i], points[3, i] = scale * gx, scale * gy

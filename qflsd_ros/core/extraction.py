@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 
 from qflsd_ros.core import circle
-from qflsd_ros.core.circle import compiled, inlined
+from qflsd_ros.core.compilation import compiled, inlined
 
 REFITS = 3          # most rounds of refitting and growing
 
@@ -26,7 +26,7 @@ def _fits(model: circle.Circle, ox: float, oy: float, points: np.ndarray, i: int
     return abs(circle.value(model, points[0, i] - ox, points[1, i] - oy)) <= tolerance
 
 
-@compiled
+@inlined
 def _run(model: circle.Circle, ox: float, oy: float, points: np.ndarray,
          first: int, last: int, middle: int, tolerance: float) -> tuple[int, int]:
     """Return the longest run around ``middle``, within first to last, that fits the model."""
@@ -38,7 +38,7 @@ def _run(model: circle.Circle, ox: float, oy: float, points: np.ndarray,
     return lo, hi
 
 
-@compiled
+@inlined
 def _hypothesis(points: np.ndarray, first: int, last: int, begin: int, end: int,
                 tolerance: float, sharpest: float) -> tuple[int, int]:
     """Return the run within first to last that fits the circle through a window, or (0, -1)."""
@@ -53,7 +53,7 @@ def _hypothesis(points: np.ndarray, first: int, last: int, begin: int, end: int,
     return _run(model, ox, oy, points, first, last, middle, tolerance)
 
 
-@compiled
+@inlined
 def _longest(points: np.ndarray, first: int, last: int, span: int,
              tolerance: float, sharpest: float) -> tuple[int, int]:
     """Return the longest run that a window of ``span`` points finds within first to last."""

@@ -17,7 +17,8 @@ from typing import NamedTuple
 import numpy as np
 
 from qflsd_ros.core import circle
-from qflsd_ros.core.circle import compiled, FIT_SIZE, inlined
+from qflsd_ros.core.circle import FIT_SIZE
+from qflsd_ros.core.compilation import compiled, inlined
 from qflsd_ros.core.edges import SOBEL_GAIN
 
 NODES = 3
@@ -59,7 +60,7 @@ class Joined(NamedTuple):
     fits: np.ndarray        # (N, FIT_SIZE) float64
 
 
-@compiled
+@inlined
 def _end(fits: np.ndarray, which: int, x: float, y: float, ends: np.ndarray, e: int) -> None:
     """Write the foot of a point on a fitted curve, and the tangent there."""
     ends[e, 0], ends[e, 1], ends[e, 2], ends[e, 3] = circle.foot(fits, which, x, y)
@@ -122,7 +123,7 @@ def _index(ends: np.ndarray, height: int, width: int) -> tuple[np.ndarray, np.nd
     return begins, sorted_ends, places
 
 
-@compiled
+@inlined
 def _cell(coordinate: float, cells: int) -> int:
     return min(max(int(coordinate / CELL), 0), cells - 1)
 
@@ -165,7 +166,7 @@ def _farthest(fits: np.ndarray, which: int, arc: np.ndarray, first: int, last: i
     return farthest
 
 
-@compiled
+@inlined
 def _evidence(fits: np.ndarray, which: int, x0: float, y0: float, x1: float, y1: float,
               dx: np.ndarray, dy: np.ndarray) -> float:
     """
@@ -190,7 +191,7 @@ def _evidence(fits: np.ndarray, which: int, x0: float, y0: float, x1: float, y1:
     return abs(votes) / (steps - 1)
 
 
-@compiled
+@inlined
 def _cost(nodes: np.ndarray, sums: np.ndarray, other: int, side: int, gap: float,
           arc: np.ndarray, n: int, total: np.ndarray, fits: np.ndarray, now: int,
           tolerance: float, significance: float, sharpest: float) -> float:
@@ -212,7 +213,7 @@ def _cost(nodes: np.ndarray, sums: np.ndarray, other: int, side: int, gap: float
     return gap + MISFIT_COST * misfit
 
 
-@compiled
+@inlined
 def _partner(nodes: np.ndarray, sums: np.ndarray, begins: np.ndarray, sorted_ends: np.ndarray,
              places: np.ndarray, taken: np.ndarray, arc: np.ndarray, n: int, total: np.ndarray,
              fits: np.ndarray, now: int, ends: np.ndarray, max_gap: float, tolerance: float,
@@ -260,7 +261,7 @@ def _take(nodes: np.ndarray, sums: np.ndarray, piece: int, side: int, gap: float
     return n
 
 
-@compiled
+@inlined
 def _outward(ends: np.ndarray, e: int, fits: np.ndarray, now: int) -> None:
     """Make the foot of a piece's end on an arc the end of the arc in the making."""
     tip = len(ends) - 1
@@ -269,7 +270,7 @@ def _outward(ends: np.ndarray, e: int, fits: np.ndarray, now: int) -> None:
         ends[tip, 2], ends[tip, 3] = -ends[tip, 2], -ends[tip, 3]
 
 
-@compiled
+@inlined
 def _turn_round(arc: np.ndarray, n: int, members: np.ndarray, first: int, last: int) -> None:
     """Let an arc, made of ``members`` first to last, be travelled from its other end."""
     for k in range(n // 2):

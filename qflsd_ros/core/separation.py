@@ -2,8 +2,8 @@
 Of parallel arcs that lie on top of each other, the longest.
 
 A thin line in the image has two edges, one on either side; a blurred or double edge may be found
-twice.  Arcs are painted into a map, the longest first; one that would lie for the most part beside
-what is painted already, in the same direction, is left out.
+twice.  Arcs are entered into a grid, the longest first; one that for the most part lies beside those
+in it, in the same direction, is left out.
 """
 from __future__ import annotations
 
@@ -11,18 +11,13 @@ import math
 
 import numpy as np
 
-from qflsd_ros.core.circle import compiled, inlined
+from qflsd_ros.core.compilation import compiled, inlined
 
 PARALLEL = math.cos(math.radians(10.0))
-STEP = 2.0          # px between the places that are looked at
 HIDDEN = 0.5        # share of an arc beside others from which on it is left out
-
-
-@inlined
-def _normal(fits: np.ndarray, arc: int, x: float, y: float) -> tuple[float, float]:
-    """Return the gradient of P at a point: the unit normal, where the point is on the curve."""
-    return (2 * fits[arc, 2] * (x - fits[arc, 0]) + fits[arc, 3],
-            2 * fits[arc, 2] * (y - fits[arc, 1]) + fits[arc, 4])
+CELL = 16.0         # px, of the grid
+ENTRIES = 2         # of an arc to the grid for each length of a cell
+STEP = 4.0          # px between the places of an arc that are looked at
 
 
 @inlined
@@ -33,65 +28,92 @@ def _at(rows: np.ndarray, arc: int, share: float) -> tuple[float, float]:
             a * rows[arc, 1] + b * rows[arc, 3] + c * rows[arc, 5])
 
 
-@compiled
-def _paint(rows: np.ndarray, arc: int, owners: np.ndarray, colour: int) -> None:
-    """Set the map to ``colour`` in the pixels along an arc."""
-    height, width = owners.shape
-    steps = max(1, int(math.ceil(rows[arc, 7])))
-    for i in range(steps + 1):
-        x, y = _at(rows, arc, i / steps)
-        column, row = int(x + 0.5), int(y + 0.5)
-        if 0 <= row < height and 0 <= column < width:
-            owners[row, column] = colour
+@inlined
+def _normal(fits: np.ndarray, arc: int, x: float, y: float) -> tuple[float, float]:
+    """Return the gradient of P at a point: the unit normal, where the point is on the curve."""
+    return (2 * fits[arc, 2] * (x - fits[arc, 0]) + fits[arc, 3],
+            2 * fits[arc, 2] * (y - fits[arc, 1]) + fits[arc, 4])
+
+
+@inlined
+def _beside(rows: np.ndarray, fits: np.ndarray, arc: int, x: float, y: float, nx: float,
+            ny: float, distance: float) -> bool:
+    """Return whether an arc passes a point within the distance, across the normal (nx, ny)."""
+    mx, my = _normal(fits, arc, x, y)
+    dx, dy = x - fits[arc, 0], y - fits[arc, 1]
+    p = fits[arc, 2] * (dx * dx + dy * dy) + fits[arc, 3] * dx + fits[arc, 4] * dy + fits[arc, 5]
+    if abs(p) > distance or abs(nx * mx + ny * my) < PARALLEL:
+        return False
+    cx, cy = rows[arc, 4] - rows[arc, 0], rows[arc, 5] - rows[arc, 1]
+    along = (x - rows[arc, 0]) * cx + (y - rows[arc, 1]) * cy
+    return 0 <= along <= cx * cx + cy * cy
 
 
 @compiled
-def _hidden(rows: np.ndarray, fits: np.ndarray, arc: int, owners: np.ndarray,
+def _hidden(rows: np.ndarray, fits: np.ndarray, arc: int, heads: np.ndarray, entries: np.ndarray,
             distance: float) -> float:
-    """Return the share of an arc that lies beside painted ones."""
-    height, width = owners.shape
-    steps = max(1, int(math.ceil(rows[arc, 7] / STEP)))
-    reach, covered = int(math.ceil(distance)), 0
+    """Return the share of an arc that lies beside those in the grid."""
+    steps, covered = int(math.ceil(rows[arc, 7] / STEP)), 0
     for i in range(steps + 1):
         x, y = _at(rows, arc, i / steps)
         nx, ny = _normal(fits, arc, x, y)
-        for k in range(-reach, reach + 1):
-            offset = distance * k / reach
-            column, row = int(x + offset * nx + 0.5), int(y + offset * ny + 0.5)
-            if 0 <= row < height and 0 <= column < width and owners[row, column] > 0:
-                mx, my = _normal(fits, owners[row, column] - 1, x, y)
-                if abs(nx * mx + ny * my) > PARALLEL:
-                    covered += 1
-                    break
+        row = min(max(int(y / CELL), 0), heads.shape[0] - 1)
+        column = min(max(int(x / CELL), 0), heads.shape[1] - 1)
+        entry = heads[row, column]
+        while entry >= 0:
+            if _beside(rows, fits, entries[entry, 0], x, y, nx, ny, distance):
+                covered += 1
+                break
+            entry = entries[entry, 1]
     return covered / (steps + 1)
 
 
 @compiled
-def separate(rows: np.ndarray, fits: np.ndarray, distance: float, owners: np.ndarray,
+def _enter(rows: np.ndarray, fits: np.ndarray, arc: int, distance: float, heads: np.ndarray,
+           entries: np.ndarray, count: int) -> int:
+    """Enter an arc into all cells that it passes within the distance; return the new count."""
+    steps = int(math.ceil(ENTRIES * rows[arc, 7] / CELL))
+    for i in range(steps + 1):
+        x, y = _at(rows, arc, i / steps)
+        nx, ny = _normal(fits, arc, x, y)
+        for side in (-distance, distance):
+            row = min(max(int((y + side * ny) / CELL), 0), heads.shape[0] - 1)
+            column = min(max(int((x + side * nx) / CELL), 0), heads.shape[1] - 1)
+            head = heads[row, column]
+            if head < 0 or entries[head, 0] != arc:
+                entries[count, 0], entries[count, 1] = arc, head
+                heads[row, column] = count
+                count += 1
+    return count
+
+
+@compiled
+def separate(rows: np.ndarray, fits: np.ndarray, height: int, width: int, distance: float,
              keep: np.ndarray) -> None:
     """
-    Leave out arcs that lie within ``distance`` px beside longer ones.
+    Leave out arcs that lie beside longer ones.
 
     Parameters
     ----------
     rows, fits
         (M, COLUMNS) and (M, FIT_SIZE) float64, the arcs as in :mod:`assembly`.
+    height, width
+        Size of the image, px.
     distance
-        px; 0 leaves all in.
-    owners
-        (H, W) int32, all 0, and so again afterwards.
+        Largest distance at which an arc is beside another, px, above 0.
     keep
-        (M,) bool, set to False where an arc is left out; arcs for which it is False already are
+        (M,) bool, set to False where an arc is left out; those for which it is False already are
         not looked at.
 
     """
-    if distance <= 0:
-        return
+    heads = np.full((int(height / CELL) + 1, int(width / CELL) + 1), -1, np.int64)
+    most = 0
+    for arc in range(len(keep)):
+        if keep[arc]:
+            most += 2 * (2 + int(math.ceil(ENTRIES * rows[arc, 7] / CELL)))
+    entries, count = np.empty((most, 2), np.int64), 0
     for arc in np.argsort(-rows[:, 7], kind='mergesort'):
         if keep[arc]:
-            keep[arc] = _hidden(rows, fits, arc, owners, distance) < HIDDEN
+            keep[arc] = _hidden(rows, fits, arc, heads, entries, distance) < HIDDEN
             if keep[arc]:
-                _paint(rows, arc, owners, arc + 1)
-    for arc in range(len(rows)):
-        if keep[arc]:
-            _paint(rows, arc, owners, 0)
+                count = _enter(rows, fits, arc, distance, heads, entries, count)

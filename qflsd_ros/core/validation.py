@@ -12,33 +12,32 @@ import math
 
 import numpy as np
 
-from qflsd_ros.core.circle import compiled
-from qflsd_ros.core.edges import SOBEL_GAIN
+from qflsd_ros.core.compilation import compiled
 
 ALIGNED = math.cos(math.radians(11.25))
 CHANCE = 0.125          # of a random direction to be aligned
 
 
 @compiled
-def support(fits: np.ndarray, arc: int, dx: np.ndarray, dy: np.ndarray, xs: np.ndarray, ys: np.ndarray,
-            first: int, last: int) -> tuple[int, float, float]:
+def support(fits: np.ndarray, arc: int, points: np.ndarray, first: int,
+            last: int) -> tuple[int, float, float]:
     """
-    Compare the gradients (H, W) at edge pixels first to last with the normal of a fit.
+    Compare the gradients at edge points ``first`` to ``last`` with the normal of a fit.
 
-    Returns the number of aligned ones, the sum of the steps across the arc in grey levels, and
-    the number of pixels where P grows with the grey level less those where it falls.
+    ``points`` are as :func:`edges.locate` leaves them.  Returns the number of aligned ones, the sum
+    of the steps across the arc in grey levels, and the number of points where P grows with the
+    grey level less those where it falls.
     """
     ox, oy, a, b, c = fits[arc, 0], fits[arc, 1], fits[arc, 2], fits[arc, 3], fits[arc, 4]
     aligned, contrast, signs = 0, 0.0, 0.0
     for i in range(first, last + 1):
-        gx, gy = float(dx[ys[i], xs[i]]), float(dy[ys[i], xs[i]])
-        nx, ny = 2 * a * (xs[i] - ox) + b, 2 * a * (ys[i] - oy) + c
-        across = gx * nx + gy * ny
+        gx, gy = float(points[2, i]), float(points[3, i])
+        across = gx * (2 * a * (points[0, i] - ox) + b) + gy * (2 * a * (points[1, i] - oy) + c)
         if across * across > ALIGNED ** 2 * (gx * gx + gy * gy):
             aligned += 1
         contrast += abs(across)
         signs += 1.0 if across > 0 else -1.0
-    return aligned, contrast / SOBEL_GAIN, signs
+    return aligned, contrast, signs
 
 
 @compiled
