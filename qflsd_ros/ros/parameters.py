@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
+import json
 from typing import Any, Callable, Iterable, Mapping, Sequence, TypeVar
 
 from qflsd_ros.core.parameters import Parameters
@@ -112,16 +113,30 @@ def warn_of_unknown(node: Node) -> None:
 def yaml_text(kinds: Iterable[type] = (Parameters, NodeParameters)) -> str:
     """Return a parameter file that holds every field with its default, a comment line each."""
     return YAML_HEAD + ''.join(
-        f'    # {field.metadata["description"]}{_allowed(field)}\n'
+        f'    # {field.metadata["description"]}{_bracketed(_allowed(field))}\n'
         f'    {yaml.safe_dump({field.name: field.default})}'
         for kind in kinds for field in dataclasses.fields(kind))
 
 
+def markdown_table(kinds: Iterable[type] = (Parameters, NodeParameters)) -> str:
+    """Return a table of every field: name, default, range with unit, sentence."""
+    rows = [
+        f'| `{field.name}` | `{json.dumps(field.default)}` | {_allowed(field)} '
+        f'| {field.metadata["description"]} |'
+        for kind in kinds for field in dataclasses.fields(kind)]
+    return '\n'.join(['| parameter | default | range | meaning |', '|---|---|---|---|', *rows])
+
+
+def _bracketed(text: str) -> str:
+    return f' [{text}]' if text else ''
+
+
 def _allowed(field: dataclasses.Field[Any]) -> str:
+    """Say which numbers a field takes, and their unit; nothing of what is no number."""
     meta = field.metadata
     if meta['low'] is None:
         return ''
-    return f' [{meta["low"]} to {meta["high"]}{" " * bool(meta["unit"])}{meta["unit"]}]'
+    return f'{meta["low"]} to {meta["high"]} {meta["unit"]}'.rstrip()
 
 
 def _given(node: Node) -> dict[str, Any]:
