@@ -42,8 +42,10 @@ setup(
             'flake8-import-order',
             'flake8-quotes',
             'hypothesis',
+            'matplotlib',
             'pydocstyle',
             'pytest',
+            'scipy',
             'wheel',
         ],
         # ROS 2 Jazzy as wheels, for machines without it: never beside an installed one.

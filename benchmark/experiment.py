@@ -1,0 +1,58 @@
+"""What every experiment is given."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from benchmark.datasets import Dataset
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How much is measured: more takes longer and scatters less."""
+
+    shape: tuple[int, int] = (480, 640)     # of rendered scenes
+    per_lens: int = 8                       # images of each kind of lens, in tables and plates
+    per_level: int = 1000                   # images of each level, in the table of accuracies
+    rounds: int = 15                        # runs that a median is taken of
+    latencies: int = 40                     # frames sent to the node, for each size and encoding
+    viewpoints: int = 3                     # of the room, under each condition
+    every: int = 1                          # of so many steps of a curve one is measured
+    frames: int = 30                        # of a sequence
+
+
+QUICK = Effort((240, 320), 3, 1, 3, 5, 1, 4, 4)
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """
+    The data, the detectors, and where figures go.
+
+    Attributes
+    ----------
+    dataset
+        The images with annotated lines to measure on.
+    rendered
+        Those of them, or others, that were rendered here and may be shown.
+    sequences
+        Folders of frames.
+    peers
+        Names for :func:`benchmark.peers.load`, without the published method.
+    output
+        Folder of the report.
+
+    """
+
+    dataset: Dataset
+    rendered: Dataset
+    sequences: tuple[Path, ...]
+    peers: tuple[str, ...]
+    output: Path
+    effort: Effort
+    photographs: bool
+
+    @property
+    def figures(self) -> Path:
+        """Folder of the figures."""
+        return self.output / 'figures'

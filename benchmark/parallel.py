@@ -1,0 +1,26 @@
+"""The same task on many things, on all cores, with a progress bar: not for measuring time."""
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+import multiprocessing
+import os
+from typing import TypeVar
+
+from tqdm import tqdm
+
+PRELOADED = ['benchmark.metrics', 'benchmark.peers', 'benchmark.rendered']
+Task = TypeVar('Task')
+Result = TypeVar('Result')
+
+
+def each(function: Callable[[Task], Result], tasks: Sequence[Task],
+         title: str) -> Iterator[tuple[Task, Result]]:
+    """Return every task with its result, in order."""
+    cores = len(os.sched_getaffinity(0))
+    # Forked from a server, not from here, where threads of ROS may be running by now.
+    context = multiprocessing.get_context('forkserver')
+    context.set_forkserver_preload(PRELOADED)
+    with context.Pool(min(cores, len(tasks))) as pool:
+        results = tqdm(pool.imap(function, tasks), title, len(tasks))
+        for result, task in zip(results, tasks):
+            yield task, result
