@@ -7,11 +7,13 @@ from ament_pep257.main import main
 import pytest
 
 ROOT = Path(__file__).parents[1]
+CODE = [str(ROOT / name) for name in (
+    'qflsd_ros', 'test', 'benchmark', 'doc', 'examples', 'setup.py')]
 
 
 @pytest.mark.linter
 @pytest.mark.pep257
 def test_pep257(capfd: pytest.CaptureFixture[str]) -> None:
     """All docstrings are clean under ament_pep257."""
-    code = main([str(ROOT / name) for name in ('qflsd_ros', 'test', 'benchmark', 'setup.py')])
+    code = main(CODE)
     assert code == 0, capfd.readouterr().err
