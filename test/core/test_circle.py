@@ -1,0 +1,175 @@
+"""The generalised circle against plain geometry, where that still has the digits for it."""
+from __future__ import annotations
+
+from hypothesis import given
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+from qflsd_ros.core import circle, paper
+from qflsd_ros.core.circle import FIT, FIT_SIZE
+
+radii = st.floats(50, 1e7)
+angles = st.floats(-np.pi, np.pi)
+places = st.tuples(st.floats(-4000, 4000), st.floats(-4000, 4000))
+sides = st.sampled_from([-1, 1])
+ANY = 1e9       # 1/px, sharper than any curve
+
+
+def arc(place: tuple[float, float], angle: float, radius: float, length: float,
+        n: int) -> np.ndarray:
+    """Return n points of an arc, (n, 2), that has its middle, headed to ``angle``, at a place."""
+    turn = np.linspace(-0.5, 0.5, n) * length / radius
+    along, across = radius * np.sin(turn), 2 * radius * np.sin(turn / 2) ** 2
+    u = np.array([np.cos(angle), np.sin(angle)])
+    return np.array(place) + along[:, None] * u + across[:, None] * [-u[1], u[0]]
+
+
+def through(points: np.ndarray, sharpest: float = ANY) -> circle.Circle:
+    """Return the circle through the rows of (3, 2) points; its origin is the middle one."""
+    return circle.through(*points.ravel(), sharpest)
+
+
+def fit(points: np.ndarray, weight: np.ndarray | None = None, residual: float = 0.0,
+        significance: float = 0.0, sharpest: float = ANY) -> dict[str, float] | None:
+    """Return what was fitted to all points by the names of FIT, or None."""
+    fits = np.empty((1, FIT_SIZE))
+    rows = np.vstack(points.T if weight is None else [*points.T, weight])
+    if not circle.fit(rows, 0, len(points) - 1, residual, significance, sharpest, fits, 0):
+        return None
+    return dict(zip(FIT, fits[0]))
+
+
+def off(fitted: dict[str, float], points: np.ndarray) -> np.ndarray:
+    """Return the distances of points from a fit, with P rising towards the y axis."""
+    model = tuple(fitted[name] for name in 'ABCD')
+    return np.array([circle.distance(model, x - fitted['x'], y - fitted['y'])
+                     for x, y in points])
+
+
+@given(places, angles, radii, sides, st.floats(10, 100))
+def test_through_three_points(place, angle, radius, side, length):
+    points = arc(place, angle, side * radius, length, 3)
+    model = through(points)
+    assert np.isclose(2 * abs(model[0]), 1 / radius, rtol=1e-3, atol=1e-9)
+    assert np.isclose(model[1] ** 2 + model[2] ** 2 - 4 * model[0] * model[3], 1)
+    for x, y in points - points[1]:
+        assert abs(circle.distance(model, x, y)) < 1e-6
+
+
+@given(places, angles, radii, st.floats(-30, 30), st.floats(-0.5, 0.5))
+def test_distance_from_a_circle(place, angle, radius, away, share):
+    model = through(arc(place, angle, radius, 80, 3))
+    centre = radius * np.array([-np.sin(angle), np.cos(angle)])
+    angle = angle + share * 80 / radius
+    point = centre + (radius - away) * np.array([np.sin(angle), -np.cos(angle)])
+    sign = np.sign(model[1] * -np.sin(angle) + model[2] * np.cos(angle))
+    assert np.isclose(sign * circle.distance(model, *point), away, rtol=0, atol=1e-4)
+
+
+@given(places, angles, st.floats(5, 100), st.floats(-200, 200), st.floats(-200, 200))
+def test_distance_from_a_line(place, angle, length, along, away):
+    u = np.array([np.cos(angle), np.sin(angle)])
+    normal = np.array([-u[1], u[0]])
+    model = circle.through(*(place - length * u), *place, *(place + length * u), 1e-9)
+    sign = np.sign(model[1] * normal[0] + model[2] * normal[1])
+    d = sign * circle.distance(model, *(along * u + away * normal))
+    assert abs(model[0]) < 1e-15
+    assert np.isclose(d, away, rtol=0, atol=1e-6)
+
+
+@given(radii, angles, st.floats(-5, 5))
+def test_value_is_the_distance_near_the_curve(radius, angle, away):
+    model = through(arc((0, 0), angle, radius, 50, 3))
+    x, y = away * model[1], away * model[2]
+    value, distance = circle.value(model, x, y), circle.distance(model, x, y)
+    assert abs(value - distance) <= 1.001 * abs(model[0]) * away ** 2 + 1e-9
+
+
+def test_the_centre_is_farthest():
+    model = through(arc((0, 0), 0, 50, 100, 3))
+    assert np.isclose(abs(circle.distance(model, 0, 50)), 50)
+
+
+@given(places, angles, st.floats(50, 300), st.floats(10, 60))
+def test_too_sharp_is_the_line_through_the_outer_two(place, angle, radius, length):
+    points = arc(place, angle, radius, length, 3)
+    model = through(points, 0.9 / radius)
+    outer = points[[0, 2]] - points[1]
+    assert model[0] == 0 and np.isclose(model[1] ** 2 + model[2] ** 2, 1)
+    assert all(abs(circle.distance(model, *point)) < 1e-6 for point in outer)
+
+
+def test_outer_points_that_coincide_are_far_from_everything():
+    model = circle.through(3, 4, 8, 9, 3, 4, ANY)
+    assert circle.value(model, 0, 0) == np.inf
+
+
+@given(places, angles, radii, sides, st.floats(30, 200), st.integers(5, 60))
+def test_fit_of_exact_points(place, angle, radius, side, length, n):
+    length = min(length, 2 * radius)
+    points = arc(place, angle, side * radius, length, n)
+    fitted = fit(points)
+    assert np.abs(off(fitted, points)).max() < 1e-4
+    assert np.isclose(2 * abs(fitted['A']), 1 / radius, rtol=1e-4, atol=1e-8)
+    assert fitted['n'] == n and np.isclose(fitted['rss'], 0, atol=1e-6)
+
+
+def test_fit_is_not_biased_where_that_of_kasa_is():
+    random = np.random.default_rng(0)
+    ours, variances, kasa = [], [], []
+    for _ in range(300):
+        points = arc((900, 500), 0.6, 10_000, 200, 200) + random.normal(0, 0.2, (200, 2))
+        fitted = fit(points)
+        ours.append(2 * abs(fitted['A']) * np.sign(-fitted['A'] * fitted['C']))
+        variances.append(4 * fitted['var_A'])
+        e, f, g = paper.solve(points)
+        kasa.append(1 / np.sqrt((e * e + f * f) / 4 - g))
+    error = np.std(ours) / np.sqrt(len(ours))
+    assert abs(np.mean(ours) - 1e-4) < 3 * error
+    assert error < 1e-6
+    assert 0.8 < np.mean(variances) / np.var(ours) < 1.25
+    assert np.mean(kasa) > 1.5e-4
+
+
+@pytest.mark.parametrize('angle', np.radians(np.arange(0, 360, 15.0)))
+@pytest.mark.parametrize('n', [8, 20, 200])
+def test_a_straight_row_of_pixels_is_straight(angle, n):
+    points = np.round(arc((300, 300), angle, 1e12, n, n + 1))
+    fitted = fit(points, significance=3.0, sharpest=0.01)
+    assert fitted['A'] == 0
+    assert np.abs(off(fitted, points)).max() < 1
+
+
+@given(places, angles, st.floats(100, 1e5), st.lists(st.integers(1, 9), min_size=2, max_size=9),
+       st.integers(0, 1000))
+def test_weights_are_repetitions(place, angle, radius, half, seed):
+    # The same from both ends, so that the middle point is the same one.
+    weight = np.array([*half, 5, *reversed(half)])
+    points = arc(place, angle, radius, 60, len(weight))
+    points = points + np.random.default_rng(seed).normal(0, 0.3, points.shape)
+    one, other = fit(points, weight.astype(float)), fit(np.repeat(points, weight, axis=0))
+    for name in FIT:
+        assert np.isclose(one[name], other[name], rtol=1e-6, atol=1e-9), name
+
+
+def test_residual_is_added():
+    points = arc((0, 0), 0, 500, 60, 30) + np.random.default_rng(0).normal(0, 0.3, (30, 2))
+    plain, more = fit(points), fit(points, residual=7.0)
+    assert np.isclose(more['rss'], plain['rss'] + 7)
+    assert more['var_A'] > plain['var_A'] and more['A'] == plain['A']
+
+
+def test_residual_sum_of_squares_is_that_of_the_distances():
+    points = arc((0, 0), 1, 500, 60, 30) + np.random.default_rng(0).normal(0, 0.3, (30, 2))
+    fitted = fit(points)
+    assert np.isclose(fitted['rss'], (off(fitted, points) ** 2).sum(), rtol=0.01)
+
+
+@pytest.mark.parametrize('points', [np.zeros((5, 2)), np.array([[0, 0], [1, 1], [0, 0.0]])])
+def test_points_that_determine_nothing(points):
+    assert fit(points) is None
+
+
+def test_two_points_are_a_line():
+    fitted = fit(np.array([[0, 0], [30, 40.0]]))
+    assert fitted['A'] == 0 and np.allclose(off(fitted, np.array([[3, 4.0], [8, -6]])), [0, -10])
