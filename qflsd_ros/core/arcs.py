@@ -124,6 +124,11 @@ class Arcs:
         points += np.repeat(start, counts)
         return points.view(np.float64).reshape(-1, 2)
 
+    def samples(self, count: int) -> np.ndarray:
+        """Return ``count`` >= 2 points of each arc, evenly from start to end: (M, count, 2) px."""
+        half = self.table['curvature'] * self.table['length'] / 2
+        return self._at(half, np.full(len(self), count - 1)).reshape(len(self), count, 2)
+
     def scaled(self, factor: int) -> Arcs:
         """
         Return the same arcs in the coordinates of an image ``factor`` times as large.
@@ -133,7 +138,7 @@ class Arcs:
         each becomes the one at the centre of its block, or the last one before that.
         """
         def place(points: np.ndarray) -> np.ndarray:
-            return (points + 0.5) * factor - 0.5
+            return points * factor + (factor - 1) / 2
 
         table = self.table.copy()
         for name in ('start', 'middle', 'end'):

@@ -10,7 +10,7 @@ from qflsd_ros.core.arcs import Arcs, TABLE
 from qflsd_ros.core.compilation import compiled
 from qflsd_ros.core.joining import Joined, Pieces
 from qflsd_ros.core.separation import separate
-from qflsd_ros.core.validation import score, support
+from qflsd_ros.core.validation import BUSY, busyness, score, support
 
 # Columns of a row: those of TABLE in its order, x and y one after the other.
 (START, MIDDLE, END, CURVATURE, LENGTH, RMS, SUPPORT, CURVATURE_STD, OFFSET_STD, SCORE, CONTRAST,
@@ -48,16 +48,21 @@ def _geometry(fits: np.ndarray, arc: int, ends: np.ndarray, first: int, last: in
 
 @compiled
 def _evidence(runs: np.ndarray, members: np.ndarray, begin: int, end: int, fits: np.ndarray,
-              arc: int, points: np.ndarray, pixels: int, rows: np.ndarray) -> None:
+              arc: int, points: np.ndarray, magnitude: np.ndarray, clear: float,
+              rows: np.ndarray) -> None:
     """Write score, contrast, and as polarity the share of points where P grows, less the rest."""
-    aligned, contrast, signs = 0, 0.0, 0.0
+    total, aligned, contrast, signs, looks, strong = 0.0, 0.0, 0.0, 0.0, 0, 0
     for k in range(begin, end):
-        piece = members[k, 0]
-        a, c, s = support(fits, arc, points, runs[piece, 0], runs[piece, 1])
-        aligned, contrast, signs = aligned + a, contrast + c, signs + s
-    rows[arc, SCORE] = score(rows[arc, SUPPORT], aligned, pixels)
+        first, last = runs[members[k, 0], 0], runs[members[k, 0], 1]
+        t, a, c, s = support(fits, arc, points, first, last, clear)
+        total, aligned, contrast, signs = total + t, aligned + a, contrast + c, signs + s
     rows[arc, CONTRAST] = contrast / rows[arc, SUPPORT]
     rows[arc, POLARITY] = signs / rows[arc, SUPPORT]
+    for k in range(begin, end):
+        looked, found = busyness(fits, arc, points, runs[members[k, 0], 0], runs[members[k, 0], 1],
+                                 magnitude, BUSY * rows[arc, CONTRAST])
+        looks, strong = looks + looked, strong + found
+    rows[arc, SCORE] = score(total, aligned, strong / looks, len(rows))
 
 
 @compiled
@@ -83,8 +88,8 @@ def _orient(fits: np.ndarray, arc: int, members: np.ndarray, begin: int, end: in
 
 @compiled
 def _describe(runs: np.ndarray, ends: np.ndarray, members: np.ndarray, begins: np.ndarray,
-              fits: np.ndarray, points: np.ndarray, pixels: int, min_length: float,
-              min_score: float, rows: np.ndarray, keep: np.ndarray) -> None:
+              fits: np.ndarray, points: np.ndarray, magnitude: np.ndarray, clear: float,
+              min_length: float, min_score: float, rows: np.ndarray, keep: np.ndarray) -> None:
     """Fill the rows of all arcs, and mark those to keep: long enough, and no accident."""
     for arc in range(len(keep)):
         begin, end = begins[arc], begins[arc + 1]
@@ -92,7 +97,7 @@ def _describe(runs: np.ndarray, ends: np.ndarray, members: np.ndarray, begins: n
                   2 * members[end - 1, 0] + 1 - members[end - 1, 1], rows)
         keep[arc] = rows[arc, LENGTH] >= min_length
         if keep[arc]:
-            _evidence(runs, members, begin, end, fits, arc, points, pixels, rows)
+            _evidence(runs, members, begin, end, fits, arc, points, magnitude, clear, rows)
             keep[arc] = rows[arc, SCORE] >= min_score
         if keep[arc]:
             _orient(fits, arc, members, begin, end, rows)
@@ -119,16 +124,16 @@ def _gather(runs: np.ndarray, members: np.ndarray, begins: np.ndarray, keep: np.
         offsets[arcs] = n
 
 
-def assemble(pieces: Pieces, joined: Joined, shape: tuple[int, int], xs: np.ndarray,
-             ys: np.ndarray, points: np.ndarray, min_length: float, min_score: float,
-             min_distance: float) -> Arcs:
+def assemble(pieces: Pieces, joined: Joined, magnitude: np.ndarray, xs: np.ndarray,
+             ys: np.ndarray, points: np.ndarray, clear: float, min_length: float,
+             min_score: float, min_distance: float) -> Arcs:
     """Return the arcs that are long enough, no accident, and not beside a longer one."""
     most = len(joined.fits)
     rows, keep = np.zeros((most, COLUMNS)), np.empty(most, np.bool_)
-    _describe(pieces.runs, pieces.ends, *joined, points, shape[0] * shape[1], min_length,
+    _describe(pieces.runs, pieces.ends, *joined, points, magnitude, clear, min_length,
               min_score, rows, keep)
     if min_distance > 0:
-        separate(rows, joined.fits, shape[0], shape[1], min_distance, keep)
+        separate(rows, joined.fits, *magnitude.shape, min_distance, keep)
     kept = rows[keep]
     count = int(kept[:, SUPPORT].sum())
     offsets = np.zeros(len(kept) + 1, np.int64)

@@ -103,8 +103,8 @@ class Detector:
         joined = joining.join(pieces, memory.dx, memory.dy, parameters.min_length,
                               parameters.max_gap, parameters.tolerance, SIGNIFICANCE,
                               self._sharpest())
-        return assembly.assemble(pieces, joined, memory.shape, memory.xs, memory.ys,
-                                 memory.points, parameters.min_length, parameters.min_score,
+        return assembly.assemble(pieces, joined, memory.magnitude, memory.xs, memory.ys,
+                                 memory.points, parameters.contrast_high, parameters.min_length, parameters.min_score,
                                  parameters.min_distance)
 
     def _sharpest(self) -> float:

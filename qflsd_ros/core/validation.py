@@ -1,10 +1,13 @@
 """
 Is an arc more than an accident?
 
-A-contrario (Desolneux, Moisan and Morel 2000; LSD; EDLines): were the gradients' directions random,
-each would lie within 11.25 degrees of the arc's normal, on either side, with probability 1/8.  Of n
-edge points k do.  The number of false alarms is the number of arcs that one could have asked for,
-times the probability of k or more of n.
+A-contrario (Desolneux, Moisan and Morel 2000; LSD; EDLines): were it one, the gradient at each of its
+edge points would lie within 11.25 degrees of its normal, on either side, by chance alone.  That
+chance is 1/8 for random directions; it is larger where all around there is texture as strong as the
+arc itself, whose contours the edge points follow.  Of n points k are aligned.  The number of false
+alarms is the number of arcs looked at, times the probability of k or more of n.
+
+Points count in full only where the gradient is strong: the weaker, the more it is noise.
 """
 from __future__ import annotations
 
@@ -15,43 +18,68 @@ import numpy as np
 from qflsd_ros.core.compilation import compiled
 
 ALIGNED = math.cos(math.radians(11.25))
-CHANCE = 0.125          # of a random direction to be aligned
+CHANCE, CHANCE_BUSY = 0.1, 0.5          # of alignment: at least, and more in busy surroundings
+BUSY = 0.5                              # of an arc's contrast: what is strong in its surroundings
+BESIDE = (-8.0, -4.0, 4.0, 8.0)         # px from the arc, where surroundings are looked at
+EVERY = 3                               # edge points from one look to the next
 
 
 @compiled
-def support(fits: np.ndarray, arc: int, points: np.ndarray, first: int,
-            last: int) -> tuple[int, float, float]:
+def support(fits: np.ndarray, arc: int, points: np.ndarray, first: int, last: int,
+            clear: float) -> tuple[float, float, float, float]:
     """
     Compare the gradients at edge points ``first`` to ``last`` with the normal of a fit.
 
-    ``points`` are as :func:`edges.locate` leaves them.  Returns the number of aligned ones, the sum
-    of the steps across the arc in grey levels, and the number of points where P grows with the
-    grey level less those where it falls.
+    ``points`` are as :func:`edges.locate` leaves them; a gradient of ``clear`` grey levels counts
+    half.  Returns the weight of all points, that of the aligned ones, the sum of the steps across
+    the arc in grey levels, and the number of points where P grows with the grey level less those
+    where it falls.
     """
     ox, oy, a, b, c = fits[arc, 0], fits[arc, 1], fits[arc, 2], fits[arc, 3], fits[arc, 4]
-    aligned, contrast, signs = 0, 0.0, 0.0
+    total, aligned, contrast, signs = 0.0, 0.0, 0.0, 0.0
     for i in range(first, last + 1):
         gx, gy = float(points[2, i]), float(points[3, i])
         across = gx * (2 * a * (points[0, i] - ox) + b) + gy * (2 * a * (points[1, i] - oy) + c)
-        if across * across > ALIGNED ** 2 * (gx * gx + gy * gy):
-            aligned += 1
+        size = math.sqrt(gx * gx + gy * gy)
+        weight = size / (size + clear)
+        total += weight
+        if abs(across) > ALIGNED * size:
+            aligned += weight
         contrast += abs(across)
         signs += 1.0 if across > 0 else -1.0
-    return aligned, contrast, signs
+    return total, aligned, contrast, signs
 
 
 @compiled
-def score(n: float, k: float, pixels: int) -> float:
+def busyness(fits: np.ndarray, arc: int, points: np.ndarray, first: int, last: int,
+             magnitude: np.ndarray, strong: float) -> tuple[int, int]:
+    """Return how many places beside an arc were looked at, and how many of them are strong."""
+    height, width = magnitude.shape
+    looks = found = 0
+    for i in range(first, last + 1, EVERY):
+        x, y = float(points[0, i]), float(points[1, i])
+        nx = 2 * fits[arc, 2] * (x - fits[arc, 0]) + fits[arc, 3]
+        ny = 2 * fits[arc, 2] * (y - fits[arc, 1]) + fits[arc, 4]
+        for offset in BESIDE:
+            column = min(max(int(x + offset * nx + 0.5), 0), width - 1)
+            row = min(max(int(y + offset * ny + 0.5), 0), height - 1)
+            looks += 1
+            found += magnitude[row, column] > strong
+    return looks, found
+
+
+@compiled
+def score(n: float, k: float, busy: float, candidates: int) -> float:
     """
     Return -log10 of the number of false alarms (NFA), 0 or above for an arc that is none.
 
-    Two ends in any pixels make ``pixels`` ^ 2 arcs that one could have asked for; the binomial
-    tail is taken by Hoeffding's bound.
+    ``n`` and ``k`` are the weights of all and of the aligned points, ``busy`` the share of strong
+    places in the surroundings; the binomial tail is taken by Hoeffding's bound.
     """
-    share = k / n
+    share, chance = k / n, CHANCE + CHANCE_BUSY * busy
     surprise = 0.0
-    if share > CHANCE:
-        surprise = share * math.log10(share / CHANCE)
+    if share > chance:
+        surprise = share * math.log10(share / chance)
         if share < 1:
-            surprise += (1 - share) * math.log10((1 - share) / (1 - CHANCE))
-    return n * surprise - 2 * math.log10(pixels)
+            surprise += (1 - share) * math.log10((1 - share) / (1 - chance))
+    return n * surprise - math.log10(candidates)
