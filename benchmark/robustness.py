@@ -84,8 +84,8 @@ def measure(experiment: Experiment) -> str:
     path = experiment.figures / 'robustness.png'
     plots.save(path, [_panel(sums, axis, figure, names) for axis in AXES for figure in FIGURES])
     return section(
-        'Robustness', f'The rendered room ({len(numbers)} of its views), lambda -0.25, noise 2 grey '
-        'levels, one thing changed at a time; edges with a step of 5 grey levels or more '
+        'Robustness', f'The rendered room ({len(numbers)} views of it), lambda -0.25, noise 2 '
+        'grey levels, one thing changed at a time; edges with a step of 5 grey levels or more '
         'count, at 2 px and 5 degrees, from 20 px on.',
         picture(path, experiment.output, 'Precision, recall and whole under bad conditions'),
         _table(sums, names))

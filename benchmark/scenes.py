@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 
 SUPERSAMPLING = 6           # samples of a pixel along each axis
+GOLDEN_SECTION = (math.sqrt(5) - 1) / 2
 ROWS = 40                   # rendered at a time
 POINT_SPREAD = 0.8          # px, standard deviation of the lens's blur
 VERTEX = 0.5                # px in the plane between two vertices of a true line
@@ -95,16 +96,27 @@ def render(scene: Scene, lens: Lens, noise: float = 0.0, seed: int = 0) -> np.nd
     """Return the image of a scene, (H, W) uint8, with white noise of that many grey levels."""
     height, width = lens.shape
     image = np.empty((height, width), np.float32)
-    x = (np.arange(width * SUPERSAMPLING) + 0.5) / SUPERSAMPLING - 0.5
     for top in range(0, height, ROWS):
         rows = min(ROWS, height - top)
-        y = (np.arange(rows * SUPERSAMPLING) + 0.5) / SUPERSAMPLING - 0.5 + top
-        points = lens.undistort(np.stack(np.meshgrid(x, y), axis=-1)) - lens.origin
+        points = lens.undistort(_samples(rows, width) + (0, top)) - lens.origin
         fine = scene.shade(points[..., 0], points[..., 1]).astype(np.float32)
         image[top:top + rows] = cv2.resize(fine, (width, rows), interpolation=cv2.INTER_AREA)
     image = cv2.GaussianBlur(image, (0, 0), POINT_SPREAD)
     image += np.random.default_rng(seed).normal(0, noise, image.shape)
     return np.clip(np.rint(image), 0, 255).astype(np.uint8)
+
+
+def _samples(rows: int, columns: int) -> np.ndarray:
+    """
+    Return where pixels are sampled, (rows SUPERSAMPLING, columns SUPERSAMPLING, 2) px.
+
+    Each row of samples is shifted against the next, and each column, by the golden section: along
+    no edge do many of them lie in line, as those of a square grid do along an axis.
+    """
+    index = np.indices((rows * SUPERSAMPLING, columns * SUPERSAMPLING))
+    order = np.arange(SUPERSAMPLING) * GOLDEN_SECTION % 1
+    shift = (order - order.mean())[index % SUPERSAMPLING]
+    return np.moveaxis((index[::-1] + shift + 0.5) / SUPERSAMPLING - 0.5, 0, -1)
 
 
 def lines(scene: Scene, lens: Lens) -> list[np.ndarray]:

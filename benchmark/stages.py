@@ -2,8 +2,8 @@
 What each stage of the detector costs.
 
 Stages are found, not listed: from :meth:`Detector.detect` on, every function of the core and of
-OpenCV that is called from Python, as the source says.  Each is replaced by one that notes the time,
-for as long as the measurement takes.
+OpenCV that is called from Python, as the source says.  Each is replaced by one that notes the
+time, for as long as the measurement takes.
 """
 from __future__ import annotations
 
