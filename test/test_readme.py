@@ -51,7 +51,7 @@ def test_parameter_tables_are_those_of_the_dataclasses() -> None:
 
 
 @pytest.mark.parametrize('name, dtype', [
-    ('segments', outputs.SEGMENT_POINT), ('arcs', outputs.ARC)])
+    ('segments', outputs.SEGMENT_POINT), ('arcs', outputs.ARC), ('planes', outputs.PLANE)])
 def test_fields_of_point_clouds(name: str, dtype: np.dtype) -> None:
     """Names, types and offsets are in the order of the message, the size is its size."""
     table = re.search(rf'<!-- fields of {name} -->\n((\|.*\n)+)', README)[1]
@@ -62,8 +62,8 @@ def test_fields_of_point_clouds(name: str, dtype: np.dtype) -> None:
 
 
 def test_every_topic_is_listed() -> None:
-    assert first_column(section('Published'))[:len(OUTPUTS) + 1] == [
-        *(topic for topic, _, _ in OUTPUTS), '/diagnostics']
+    assert first_column(section('Published'))[:len(OUTPUTS) + 2] == [
+        *(topic for topic, _, _ in OUTPUTS), '~/planes', '/diagnostics']
 
 
 def test_every_encoding_is_listed() -> None:

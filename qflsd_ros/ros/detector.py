@@ -18,8 +18,11 @@ from typing import Callable, NamedTuple
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 import numpy as np
 from qflsd_ros.core import Arcs, Detector, Parameters
-from qflsd_ros.ros import images, outputs, parameters
+from qflsd_ros.core.planes import planes
+from qflsd_ros.ros import calibration, images, outputs, parameters
 from qflsd_ros.ros.diagnostics import Statistics
+from qflsd_ros.ros.errors import FrameError
+from qflsd_ros.ros.lazy import LazySubscription
 from qflsd_ros.ros.markers import markers
 from qflsd_ros.ros.parameters import NodeParameters, ParameterError
 from qflsd_ros.ros.slot import Slot
@@ -34,13 +37,14 @@ from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
-from sensor_msgs.msg import CompressedImage, Image, PointCloud2
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2
 from std_msgs.msg import Header
 from visualization_msgs.msg import MarkerArray
 
 DIAGNOSTICS_PERIOD = 1.0  # s
 CLOSE_TIMEOUT = 2.0  # s
 LOG_PERIOD = 5.0  # s between two log lines on bad frames of the same kind
+INPUT = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 class Frame(NamedTuple):
@@ -83,7 +87,8 @@ def _arcs(result: Result) -> PointCloud2:
 
 def _markers(result: Result) -> bytes:
     return markers(result.header, result.arcs, result.settings.polyline_tolerance,
-                   result.settings.metres_per_pixel, result.settings.line_width)
+                   result.settings.metres_per_pixel, result.settings.line_width,
+                   result.settings.marker_colour)
 
 
 def _overlay(result: Result) -> Image:
@@ -120,9 +125,11 @@ class DetectorNode(Node):
         self._last_log: dict[str, float] = {}
         self._slot: Slot[Frame] = Slot()
         self._outputs = [(self._advertise(type_, topic), build) for topic, type_, build in OUTPUTS]
+        self._planes = self._advertise(PointCloud2, '~/planes')
         self._diagnostics = self._advertise(DiagnosticArray, '/diagnostics')
-        # Subscribing, if only for a moment, finds a bad QoS override now and not in mid-flight.
-        self._subscription: Subscription | None = self._subscribe()
+        self._camera_info: CameraInfo | None = None
+        self._images = LazySubscription(self, self._subscribe)
+        self._calibration = LazySubscription(self, self._subscribe_calibration)
         self._follow_listeners()
         parameters.warn_of_unknown(self)
         self.create_timer(DIAGNOSTICS_PERIOD, self._diagnose,
@@ -137,8 +144,8 @@ class DetectorNode(Node):
         self.destroy_node()
 
     @property
-    def _listening(self) -> bool:
-        return any(publisher.get_subscription_count() for publisher, _ in self._outputs)
+    def _image_topic(self) -> str:
+        return self.resolve_topic_name('image')
 
     @property
     def _transport(self) -> Transport:
@@ -156,20 +163,28 @@ class DetectorNode(Node):
 
     def _subscribe(self) -> Subscription:
         # The suffix follows the remapped name, as with image_transport.
-        topic = self.resolve_topic_name('image') + self._transport.suffix
+        topic = self._image_topic + self._transport.suffix
         return self.create_subscription(
-            self._transport.message_type, topic, self._receive,
-            QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT),
+            self._transport.message_type, topic, self._receive, INPUT,
             event_callbacks=SubscriptionEventCallbacks(message_lost=self._count_lost),
             qos_overriding_options=QoSOverridingOptions.with_default_policies())
 
+    def _subscribe_calibration(self) -> Subscription:
+        return self.create_subscription(
+            CameraInfo, calibration.topic_of(self._image_topic), self._calibrate, INPUT,
+            qos_overriding_options=QoSOverridingOptions.with_default_policies())
+
     def _follow_listeners(self) -> None:
-        """Be subscribed to the images just as long as somebody listens to the results."""
-        if self._listening and self._subscription is None:
-            self._subscription = self._subscribe()
-        elif not self._listening and self._subscription is not None:
-            self.destroy_subscription(self._subscription)
-            self._subscription = None
+        """Be subscribed to the camera just as long as somebody listens to the results."""
+        planes_wanted = bool(self._planes.get_subscription_count())
+        self._images.follow(planes_wanted or any(
+            publisher.get_subscription_count() for publisher, _ in self._outputs))
+        self._calibration.follow(planes_wanted)
+        if not planes_wanted:
+            self._camera_info = None  # it may be another one by the time it is wanted again
+
+    def _calibrate(self, message: CameraInfo) -> None:
+        self._camera_info = message
 
     def _receive(self, message: Image | CompressedImage) -> None:
         self._statistics.arrived()
@@ -183,7 +198,7 @@ class DetectorNode(Node):
         for frame in self._slot:
             try:
                 self._process(frame)
-            except images.ImageError as error:
+            except FrameError as error:
                 self._reject(error.reason, str(error))
             except Exception:
                 # No frame may end the node. After a shutdown, publishing fails as it should.
@@ -200,6 +215,13 @@ class DetectorNode(Node):
                 publisher.publish(build(result))
         self._statistics.done(time.monotonic() - frame.arrival, self._age(header),
                               len(result.arcs))
+        if self._planes.get_subscription_count():
+            self._planes.publish(self._planes_of(result))
+
+    def _planes_of(self, result: Result) -> PointCloud2:
+        topic = calibration.topic_of(self._image_topic)
+        lens = calibration.lens(self._camera_info, topic, *result.gray.shape)
+        return outputs.plane_records(result.header, planes(result.arcs, lens))
 
     def _age(self, header: Header) -> float:
         stamp = header.stamp.sec * 10**9 + header.stamp.nanosec
@@ -213,11 +235,11 @@ class DetectorNode(Node):
             self.get_logger().error(f'{reason}: {text}')
 
     def _diagnose(self) -> None:
-        topic = self.resolve_topic_name('image') + self._transport.suffix
+        topic = self._image_topic + self._transport.suffix
         settings = self._active[1]
         status = DiagnosticStatus(name=f'{self.get_fully_qualified_name()}: detection',
                                   hardware_id=settings.hardware_id or topic)
-        self._statistics.report(status, self._subscription is not None, settings.max_age)
+        self._statistics.report(status, bool(self._images), settings.max_age)
         message = DiagnosticArray(status=[status])
         message.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(message)

@@ -11,18 +11,15 @@ from typing import Callable, NamedTuple
 
 import cv2
 import numpy as np
+from qflsd_ros.ros.errors import FrameError
 from sensor_msgs.msg import CompressedImage, Image
 
 MAX_SIDE = 32768  # px
 WHITE = {'u2': 65535.0, 'f4': 1.0}  # the white level of a type unless another is given
 
 
-class ImageError(ValueError):
-    """An image that cannot be read; ``reason`` is a short phrase to count it by."""
-
-    def __init__(self, reason: str, text: str) -> None:
-        super().__init__(text)
-        self.reason = reason
+class ImageError(FrameError):
+    """An image that cannot be read."""
 
 
 class Layout(NamedTuple):

@@ -11,8 +11,8 @@ from functools import cache
 
 from geometry_msgs.msg import Pose, Vector3
 import numpy as np
-from qflsd_ros import overlay
 from qflsd_ros.core.arcs import Arcs
+from qflsd_ros.ros import palette
 from rclpy.serialization import serialize_message
 from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
@@ -21,9 +21,9 @@ ENCAPSULATION = 4  # bytes in front of a CDR stream, which alignment does not co
 
 
 def markers(header: Header, arcs: Arcs, tolerance: float, metres_per_pixel: float,
-            line_width: float) -> bytes:
+            line_width: float, colour: str = 'id') -> bytes:
     """
-    Return the arcs as one LINE_LIST marker, each in its own colour, or its deletion if none.
+    Return the arcs as one LINE_LIST marker, or its deletion if there are none.
 
     Parameters
     ----------
@@ -37,6 +37,8 @@ def markers(header: Header, arcs: Arcs, tolerance: float, metres_per_pixel: floa
         Size of a pixel: points are (x, y, 0) px times this, in m.
     line_width
         Width of the lines in px.
+    colour
+        What the colours stand for, see :mod:`qflsd_ros.ros.palette`.
 
     Returns
     -------
@@ -49,30 +51,32 @@ def markers(header: Header, arcs: Arcs, tolerance: float, metres_per_pixel: floa
     if not len(arcs):
         marker.action = Marker.DELETE
         return serialize_message(MarkerArray(markers=[marker]))
-    points, colours = _lines(arcs, tolerance)
-    return _spliced(marker, points * metres_per_pixel, colours)
-
-
-def _lines(arcs: Arcs, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the ends of all chords, (2 S, 3) float64 px, and their colours, (2 S, 4) float32."""
     points, counts = arcs.vertices(tolerance)
-    first = np.delete(np.arange(len(points)), np.cumsum(counts) - 1)
-    ends = np.stack([first, first + 1], axis=1).ravel()
-    flat = np.zeros((len(points), 3), '<f8')
-    flat[:, :2] = points
-    palette = np.ones((len(arcs), 4), '<f4')
-    palette[:, :3] = overlay.colours(len(arcs))[:, ::-1] / 255
-    return flat.take(ends, axis=0), np.repeat(palette, 2 * (counts - 1), axis=0)
+    points *= metres_per_pixel
+    shades = np.ones((len(arcs), 4), '<f4')
+    shades[:, :3] = palette.colours(arcs, colour)[:, ::-1] / 255
+    return _spliced(marker, _chords(points, counts), shades.repeat(2 * (counts - 1), axis=0))
 
 
-def _spliced(marker: Marker, points: np.ndarray, colours: np.ndarray) -> bytes:
-    """Serialise a marker as if it had these points and colours."""
+def _chords(points: np.ndarray, counts: np.ndarray) -> np.ndarray:
+    """Return start and end, (S, 2, 3) float64, of all chords of polylines (N, 2)."""
+    last = np.cumsum(counts)
+    chords = np.zeros((len(points) - len(counts), 2, 3), '<f8')
+    for side, left_out in enumerate((last - 1, last - counts)):
+        kept = np.ones(len(points), bool)
+        kept[left_out] = False
+        chords[:, side, :2] = points.compress(kept, axis=0)
+    return chords
+
+
+def _spliced(marker: Marker, chords: np.ndarray, shades: np.ndarray) -> bytes:
+    """Serialise a marker as if it had these ends of chords as points, and their colours."""
     tail = _tail()
     empty = serialize_message(MarkerArray(markers=[marker]))
     head = empty[:len(empty) - len(tail) - 8]  # up to the lengths of points and colours
-    length = np.array(len(points), '<u4').tobytes()
-    padding = bytes(-(len(head) + len(length) - ENCAPSULATION) % 8)
-    return b''.join([head, length, padding, points.tobytes(), length, colours.tobytes(), tail])
+    length = np.array(len(shades), '<u4')
+    padding = bytes(-(len(head) + length.nbytes - ENCAPSULATION) % 8)
+    return b''.join([head, length, padding, chords.data, length, shades.data, tail])
 
 
 @cache

@@ -4,6 +4,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from qflsd_ros.core.parameters import check, parameter
+from qflsd_ros.ros import palette
 
 
 @dataclass(frozen=True)
@@ -32,6 +33,9 @@ class NodeParameters:
         'px', 0.001, 100.0)
     line_width: int = parameter(
         1, 'Width of the arcs on ~/overlay and ~/markers.', 'px', 1, 100)
+    marker_colour: str = parameter(
+        'id', 'What the colours on ~/markers stand for: id (each arc has its own), length, '
+        'curvature or score (from blue, low, to red, high).', choices=palette.CHOICES)
     metres_per_pixel: float = parameter(
         0.01, 'Size of a pixel on ~/markers.', 'm', 0.0001, 1000.0)
     max_age: float = parameter(

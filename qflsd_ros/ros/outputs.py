@@ -11,11 +11,18 @@ from array import array
 import numpy as np
 from qflsd_ros import overlay
 from qflsd_ros.core.arcs import Arcs
+from qflsd_ros.core.planes import Planes
 from sensor_msgs.msg import Image, PointCloud2, PointField
 from std_msgs.msg import Header
 
 # Points of an arc follow each other from its start to its end; segment is the number of the arc.
 SEGMENT_POINT = np.dtype([('x', '<f4'), ('y', '<f4'), ('z', '<f4'), ('segment', '<u4')])
+
+# Normal of the plane, upper triangle of its covariance row by row, and the number of the arc.
+PLANE = np.dtype(
+    [(f'normal_{axis}', '<f4') for axis in 'xyz']
+    + [(f'covariance_{axes}', '<f4') for axes in ('xx', 'xy', 'xz', 'yy', 'yz', 'zz')]
+    + [('segment', '<u4')])
 
 DATATYPES = {
     'i1': PointField.INT8, 'u1': PointField.UINT8, 'i2': PointField.INT16,
@@ -49,6 +56,17 @@ def arc_records(header: Header, arcs: Arcs) -> PointCloud2:
     for name, column in arcs.columns().items():
         rows[name] = column
     rows['x'], rows['y'] = arcs.table['middle'].T
+    return cloud(header, rows)
+
+
+def plane_records(header: Header, planes: Planes) -> PointCloud2:
+    """Return one record for every plane; its fields are those of :data:`PLANE`."""
+    rows = np.zeros(len(planes.arcs), PLANE)
+    for column, axis in enumerate('xyz'):
+        rows[f'normal_{axis}'] = planes.normals[:, column]
+    for (i, j), name in zip(zip(*np.triu_indices(3)), PLANE.names[3:9]):
+        rows[name] = planes.covariances[:, i, j]
+    rows['segment'] = planes.arcs
     return cloud(header, rows)
 
 

@@ -2,7 +2,6 @@
 from __future__ import annotations
 
 from array import array
-from collections import defaultdict
 from dataclasses import fields
 import itertools
 from pathlib import Path
@@ -11,27 +10,26 @@ import time
 from typing import Any, Iterator, TYPE_CHECKING
 
 import cv2
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticStatus
 import numpy as np
 import pytest
 from qflsd_ros import overlay
 from qflsd_ros.core import Detector, Parameters
-from qflsd_ros.ros import outputs
+from qflsd_ros.ros import outputs, palette
 from qflsd_ros.ros.parameters import NodeParameters
 from rcl_interfaces.msg import Parameter as ParameterMsg
-from rcl_interfaces.srv import (
-    GetParameters, ListParameters, SetParameters, SetParametersAtomically)
+from rcl_interfaces.srv import GetParameters, ListParameters, SetParametersAtomically
 from rclpy.parameter import Parameter as RosParameter
 from rclpy.qos import qos_profile_sensor_data, QoSProfile, ReliabilityPolicy
+from rig import BLACK, EXPECTED, header, image, NODE, Rig, same, SCENE, stamps, values
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import CompressedImage, Image, PointCloud2
-from visualization_msgs.msg import Marker, MarkerArray
+from sensor_msgs.msg import CompressedImage, PointCloud2
+from visualization_msgs.msg import Marker
 import yaml
 
 if TYPE_CHECKING:
-    from conftest import Peer, Process
+    from conftest import Peer
 
-NODE = ('-m', 'qflsd_ros.ros.detector', '--ros-args')
 RELIABLE = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
 ROOT = Path(__file__).parents[2]
 BIG_CAMERA = """
@@ -47,106 +45,12 @@ image.data = array.array('B', bytes(1080 * 5760))
 node.create_timer(0.1, lambda: publisher.publish(image))
 rclpy.spin(node)
 """
-TYPES = {'segments': PointCloud2, 'arcs': PointCloud2, 'markers': MarkerArray, 'overlay': Image}
-stamps = itertools.count(1000)
-
-
-def scene() -> np.ndarray:
-    """Return a grey frame with straight and circular edges."""
-    gray = np.full((240, 320), 60, np.uint8)
-    cv2.rectangle(gray, (30, 40), (150, 200), 180, -1)
-    cv2.circle(gray, (340, 120), 140, 220, -1)
-    return gray
-
-
-SCENE = scene()
-BLACK = np.zeros_like(SCENE)
-EXPECTED = Detector().detect(SCENE).polylines(NodeParameters().polyline_tolerance)
-
-
-def image(pixels: np.ndarray, encoding: str = 'mono8', **changes: Any) -> Image:
-    """Return a message with a stamp that no other has."""
-    message = Image(encoding=encoding, height=pixels.shape[0], width=pixels.shape[1],
-                    step=pixels.strides[0], data=array('B', pixels.tobytes()))
-    message.header.frame_id = 'camera_optical'
-    message.header.stamp.sec = next(stamps)
-    for name, value in changes.items():
-        setattr(message, name, value)
-    return message
-
-
-class Rig:
-    """A running detector between a camera and a listener, both of the test's own."""
-
-    def __init__(self, peer: Peer, *arguments: str, node: str = '/detector',
-                 topic: str = '/image', camera_type: type = Image,
-                 listen: tuple[str, ...] = ('segments',),
-                 camera_qos: QoSProfile = qos_profile_sensor_data) -> None:
-        self.peer, self.name, self.topic = peer, node, topic
-        self.received: dict[str, list[Any]] = defaultdict(list)
-        self.camera = peer.node.create_publisher(camera_type, topic, camera_qos)
-        self.subscriptions = {output: self.listen(output) for output in listen}
-        self.reports: list[DiagnosticStatus] = []
-        peer.node.create_subscription(
-            DiagnosticArray, '/diagnostics',
-            lambda message: self.reports.extend(message.status), 10)
-        self.process: Process = peer.run(*NODE, *arguments)
-
-    def listen(self, output: str) -> Any:
-        return self.peer.node.create_subscription(
-            TYPES[output], f'{self.name}/{output}', self.received[output].append, 10)
-
-    def ready(self) -> Rig:
-        """Return when the detector listens to the camera."""
-        self.peer.until(self.camera.get_subscription_count)
-        return self
-
-    def detect(self, message: Image | CompressedImage, output: str = 'segments') -> Any:
-        """Show a frame to the detector until the result for it arrives; return that."""
-        def result() -> Any:
-            return next((answer for answer in self.received[output]
-                         if header(answer) == message.header), None)
-        return self.peer.until(result, lambda: self.camera.publish(message))
-
-    def show(self, message: Image | CompressedImage, text: str) -> None:
-        """Show a frame to the detector until its log holds a text."""
-        self.peer.until(lambda: text in self.process.output,
-                        lambda: self.camera.publish(message))
-
-    def report(self, *texts: str) -> DiagnosticStatus:
-        """Return the next diagnostics that hold all of some texts."""
-        self.reports.clear()
-        return self.peer.until(lambda: next(
-            (status for status in self.reports
-             if all(text in f'{status.message} {values(status)}' for text in texts)), None))
-
-    def change(self, **changes: Any) -> list[Any]:
-        """Set parameters through the node's service; return the results."""
-        return self.peer.call(SetParameters, f'{self.name}/set_parameters', parameters=[
-            RosParameter(name, value=value).to_parameter_msg()
-            for name, value in changes.items()]).results
-
-
-def header(message: Any) -> Any:
-    return message.markers[0].header if isinstance(message, MarkerArray) else message.header
-
-
-def values(status: DiagnosticStatus) -> dict[str, str]:
-    return {item.key: item.value for item in status.values}
-
-
-def same(message: PointCloud2, expected: list[np.ndarray], within: float = 1e-3) -> bool:
-    """Tell whether a message holds just these polylines."""
-    found = outputs.polylines(message)
-    return len(found) == len(expected) and all(
-        one.shape == other.shape and np.abs(one - other).max() < within
-        for one, other in zip(found, expected))
 
 
 @pytest.fixture(scope='module')
 def rig(module_peer: Peer) -> Iterator[Rig]:
     """Give one detector that the tests of this module share."""
-    yield Rig(module_peer, listen=tuple(TYPES)).ready()
+    yield Rig(module_peer, listen=('segments', 'arcs', 'markers', 'overlay')).ready()
 
 
 def test_segments_are_those_of_the_core(rig: Rig) -> None:
@@ -163,6 +67,17 @@ def test_every_output_shows_the_same_arcs(rig: Rig) -> None:
     picture = rig.detect(image(SCENE), 'overlay')
     expected = overlay.draw(SCENE, arcs, NodeParameters().line_width)
     assert picture.encoding == 'bgr8' and bytes(picture.data) == expected.tobytes()
+
+
+def test_colours_of_markers_follow_the_parameter(rig: Rig) -> None:
+    arcs = Detector().detect(SCENE)
+    for by in ('length', 'curvature', 'score', 'id'):
+        assert rig.change(marker_colour=by)[0].successful
+        marker, = rig.detect(image(SCENE), 'markers').markers
+        shown = {(colour.b, colour.g, colour.r) for colour in marker.colors}
+        wanted = {tuple(row) for row in palette.colours(arcs, by).tolist()}
+        assert {tuple(round(255 * part) for part in colour) for colour in shown} == wanted
+    assert not rig.change(marker_colour='mood')[0].successful
 
 
 def test_an_empty_frame_gives_empty_messages(rig: Rig) -> None:
@@ -219,10 +134,10 @@ def test_frames_that_change_size_midway(rig: Rig) -> None:
 
 
 def test_parameters_take_effect_on_the_next_frame(rig: Rig) -> None:
-    changed = Parameters(min_length=100.0)
+    changed = Parameters(min_length=130.0)
     expected = Detector(changed).detect(SCENE).polylines(2.0)
     assert 0 < len(expected) < len(EXPECTED)
-    assert all(result.successful for result in rig.change(min_length=100, polyline_tolerance=2.0))
+    assert all(result.successful for result in rig.change(min_length=130, polyline_tolerance=2.0))
     assert same(rig.detect(image(SCENE)), expected)
     assert all(result.successful for result in rig.change(min_length=15.0, polyline_tolerance=0.1))
     assert same(rig.detect(image(SCENE)), EXPECTED)
@@ -273,6 +188,7 @@ def test_a_misspelt_parameter_is_told_with_the_right_name(peer: Peer) -> None:
     file.write_text('/**: {ros__parameters: {min_lenght: 40.0, tolerance: 1, zzzz: 2}}')
     rig = Rig(peer, '--params-file', str(file), '-p',
               'qos_overrides./image.subscription.dept:=2').ready()
+    peer.until(lambda: 'zzzz' in rig.process.output)
     assert 'no parameter min_lenght, it is ignored: did you mean min_length?' in rig.process.output
     assert 'no parameter zzzz, it is ignored' in rig.process.output
     assert 'did you mean qos_overrides./image.subscription.depth?' in rig.process.output

@@ -1,0 +1,119 @@
+"""A detector as a process, between a camera and a listener of the test's own."""
+from __future__ import annotations
+
+from array import array
+from collections import defaultdict
+import itertools
+from typing import Any, TYPE_CHECKING
+
+import cv2
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+import numpy as np
+from qflsd_ros.core import Detector
+from qflsd_ros.ros import outputs
+from qflsd_ros.ros.node_parameters import NodeParameters
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter as RosParameter
+from rclpy.qos import qos_profile_sensor_data, QoSProfile
+from sensor_msgs.msg import CompressedImage, Image, PointCloud2
+from visualization_msgs.msg import MarkerArray
+
+if TYPE_CHECKING:
+    from conftest import Peer, Process
+
+NODE = ('-m', 'qflsd_ros.ros.detector', '--ros-args')
+TYPES = {'segments': PointCloud2, 'arcs': PointCloud2, 'markers': MarkerArray, 'overlay': Image,
+         'planes': PointCloud2}
+stamps = itertools.count(1000)
+
+
+def scene() -> np.ndarray:
+    """Return a grey frame with straight and circular edges."""
+    gray = np.full((240, 320), 60, np.uint8)
+    cv2.rectangle(gray, (30, 40), (150, 200), 180, -1)
+    cv2.circle(gray, (340, 120), 140, 220, -1)
+    return gray
+
+
+SCENE = scene()
+BLACK = np.zeros_like(SCENE)
+EXPECTED = Detector().detect(SCENE).polylines(NodeParameters().polyline_tolerance)
+
+
+def image(pixels: np.ndarray, encoding: str = 'mono8', **changes: Any) -> Image:
+    """Return a message with a stamp that no other has."""
+    message = Image(encoding=encoding, height=pixels.shape[0], width=pixels.shape[1],
+                    step=pixels.strides[0], data=array('B', pixels.tobytes()))
+    message.header.frame_id = 'camera_optical'
+    message.header.stamp.sec = next(stamps)
+    for name, value in changes.items():
+        setattr(message, name, value)
+    return message
+
+
+class Rig:
+    """A running detector between a camera and a listener, both of the test's own."""
+
+    def __init__(self, peer: Peer, *arguments: str, node: str = '/detector',
+                 topic: str = '/image', camera_type: type = Image,
+                 listen: tuple[str, ...] = ('segments',),
+                 camera_qos: QoSProfile = qos_profile_sensor_data) -> None:
+        self.peer, self.name, self.topic = peer, node, topic
+        self.received: dict[str, list[Any]] = defaultdict(list)
+        self.camera = peer.node.create_publisher(camera_type, topic, camera_qos)
+        self.subscriptions = {output: self.listen(output) for output in listen}
+        self.reports: list[DiagnosticStatus] = []
+        peer.node.create_subscription(
+            DiagnosticArray, '/diagnostics',
+            lambda message: self.reports.extend(message.status), 10)
+        self.process: Process = peer.run(*NODE, *arguments)
+
+    def listen(self, output: str) -> Any:
+        return self.peer.node.create_subscription(
+            TYPES[output], f'{self.name}/{output}', self.received[output].append, 10)
+
+    def ready(self) -> Rig:
+        """Return when the detector listens to the camera."""
+        self.peer.until(self.camera.get_subscription_count)
+        return self
+
+    def detect(self, message: Image | CompressedImage, output: str = 'segments') -> Any:
+        """Show a frame to the detector until the result for it arrives; return that."""
+        def result() -> Any:
+            return next((answer for answer in self.received[output]
+                         if header(answer) == message.header), None)
+        return self.peer.until(result, lambda: self.camera.publish(message))
+
+    def show(self, message: Image | CompressedImage, text: str) -> None:
+        """Show a frame to the detector until its log holds a text."""
+        self.peer.until(lambda: text in self.process.output,
+                        lambda: self.camera.publish(message))
+
+    def report(self, *texts: str) -> DiagnosticStatus:
+        """Return the next diagnostics that hold all of some texts."""
+        self.reports.clear()
+        return self.peer.until(lambda: next(
+            (status for status in self.reports
+             if all(text in f'{status.message} {values(status)}' for text in texts)), None))
+
+    def change(self, **changes: Any) -> list[Any]:
+        """Set parameters through the node's service; return the results."""
+        return self.peer.call(SetParameters, f'{self.name}/set_parameters', parameters=[
+            RosParameter(name, value=value).to_parameter_msg()
+            for name, value in changes.items()]).results
+
+
+def header(message: Any) -> Any:
+    return message.markers[0].header if isinstance(message, MarkerArray) else message.header
+
+
+def values(status: DiagnosticStatus) -> dict[str, str]:
+    return {item.key: item.value for item in status.values}
+
+
+def same(message: PointCloud2, expected: list[np.ndarray], within: float = 1e-3) -> bool:
+    """Tell whether a message holds just these polylines."""
+    found = outputs.polylines(message)
+    return len(found) == len(expected) and all(
+        one.shape == other.shape and np.abs(one - other).max() < within
+        for one, other in zip(found, expected))
