@@ -27,6 +27,9 @@ rms        root mean square distance of what matches from the truth, px
 
 Sums run over all images before they are divided.
 
+**Lines found** (:meth:`Counts.tally`).  True positives are the lines covered to 75 %, false
+negatives the others; false positives are detections of which less than 75 % lies on any lines.
+
 **Lines as wholes** (:func:`assign`).  A detection *is* a line if 75 % of its length lies on it and
 it covers half of it or more.  Each line is found once: true positives are the lines that are
 found; all other detections are false positives, second ones on a line among them; lines that no
@@ -185,6 +188,7 @@ class Counts:
     truth: float = 0.0          # of truth that counts
     squares: float = 0.0        # px^3, length times squared distance, over ``right``
     correct: int = 0
+    wrong: int = 0
     detections: int = 0
     found: int = 0
     whole: int = 0
@@ -196,6 +200,10 @@ class Counts:
         """Return the sums over the images of both."""
         return Counts(*(a + b for a, b in zip(dataclasses.astuple(self),
                                               dataclasses.astuple(other))))
+
+    def tally(self) -> Tally:
+        """Return the numbers of lines found and missed, and of wrong detections."""
+        return Tally(self.found, self.wrong, self.lines - self.found)
 
     def figures(self) -> Figures:
         """Return the ratios; nan where there is nothing to divide by."""
@@ -283,6 +291,9 @@ class Comparison:
     def _count_detections(self, counts: Counts, counted: np.ndarray, line: np.ndarray) -> None:
         judged = self.judged(counted, line)
         counts.detections = int(judged.sum())
+        on_truth = np.bincount(self.detections.line, self.detections.weight * (line >= 0),
+                               self.detections.count)
+        counts.wrong = int((judged & (on_truth < COVERED * self.detections.lengths)).sum())
         if len(line) and self.truth.count:
             most = self.overlap(line).max(axis=1)
             counts.correct = int((judged & (most >= COVERED * self.detections.lengths)).sum())

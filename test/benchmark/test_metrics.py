@@ -146,6 +146,13 @@ def test_too_large_a_tolerance_is_refused() -> None:
         compare([line(0, 0, 50, 0)], [line(0, 0, 50, 0)]).count(3.0)
 
 
+def test_lines_are_found_by_any_number_of_detections() -> None:
+    """Two lines under one detection, one in two pieces, one missed; one detection is wrong."""
+    truth = [line(0, 0, 50, 0), line(52, 0, 100, 0), line(0, 50, 100, 50), line(0, 90, 90, 90)]
+    found = [line(0, 0, 100, 0), line(0, 50, 45, 50), line(50, 50, 100, 50), line(0, 70, 90, 70)]
+    assert compare(found, truth).count().tally() == Tally(right=3, wrong=1, missed=1)
+
+
 def test_each_line_is_found_once() -> None:
     """The second detection of a line is a false positive, and so is one of a quarter of it."""
     truth = [line(0, 0, 100, 0), line(0, 50, 100, 50)]

@@ -32,7 +32,7 @@ def test_the_curve_follows_the_score() -> None:
                     np.array([[0, 80], [100, 80]])])
     assignment = assign(Comparison(found, truth))
     image = Found(np.array([5.0, 9.0, 1.0]), found, assignment, truth)
-    assert image.tally(5.0) == Tally(2, 0, 0)
+    assert image.wholes(5.0) == image.counts(5.0).tally() == Tally(2, 0, 0)
     for curve in curves([image], 'curve', 4).values():
         assert curve.precision[0] == pytest.approx(2 / 3)
         assert curve.precision_at(1.0) >= 2 / 3
