@@ -19,7 +19,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 import numpy as np
 from qflsd_ros.core import Arcs, Detector, Parameters
 from qflsd_ros.core.planes import planes
-from qflsd_ros.ros import calibration, images, outputs, parameters
+from qflsd_ros.ros import calibration, compressed, images, outputs, parameters
 from qflsd_ros.ros.diagnostics import Statistics
 from qflsd_ros.ros.errors import FrameError
 from qflsd_ros.ros.lazy import LazySubscription
@@ -73,7 +73,7 @@ class Transport(NamedTuple):
 
 TRANSPORTS = {
     'raw': Transport(Image, '', images.read),
-    'compressed': Transport(CompressedImage, '/compressed', images.decode),
+    'compressed': Transport(CompressedImage, '/compressed', compressed.decode),
 }
 
 

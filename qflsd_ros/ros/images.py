@@ -12,7 +12,7 @@ from typing import Callable, NamedTuple
 import cv2
 import numpy as np
 from qflsd_ros.ros.errors import FrameError
-from sensor_msgs.msg import CompressedImage, Image
+from sensor_msgs.msg import Image
 
 MAX_SIDE = 32768  # px
 WHITE = {'u2': 65535.0, 'f4': 1.0}  # the white level of a type unless another is given
@@ -107,42 +107,6 @@ def read(message: Image, white_level: float = 0.0) -> np.ndarray:
     # OpenCV misreads rows of 16 bits that begin at an odd address.
     gray = layout.to_gray(np.require(pixels, dtype.newbyteorder('='), ['ALIGNED']))
     return gray if layout.dtype == 'u1' else _scaled(gray, white_level or WHITE[layout.dtype])
-
-
-def decode(message: CompressedImage, white_level: float = 0.0) -> np.ndarray:
-    """
-    Return a compressed image (whatever OpenCV decodes: JPEG, PNG, ...) as a grey frame.
-
-    Parameters
-    ----------
-    message
-        The image.
-    white_level
-        Of no effect: the decoder itself brings 16 bits down to 8.
-
-    Returns
-    -------
-    gray
-        (H, W) uint8.
-
-    Raises
-    ------
-    ImageError
-        The data is no image.
-
-    """
-    data = np.ndarray(len(message.data), np.uint8, message.data)
-    # As the sensor sees it: an orientation tag would turn the coordinates.
-    flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
-    try:
-        gray = cv2.imdecode(data, flags)
-    except cv2.error as error:
-        raise ImageError('cannot be decoded', f'compressed image of {len(data)} bytes, format '
-                         f'{message.format!r}: {error.err}') from error
-    if gray is None:
-        raise ImageError('cannot be decoded', f'compressed image of {len(data)} bytes, format '
-                         f'{message.format!r}: is no image, or a damaged one')
-    return gray
 
 
 def _check_size(message: Image, layout: Layout) -> None:

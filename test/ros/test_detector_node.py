@@ -20,7 +20,6 @@ from qflsd_ros.ros.parameters import NodeParameters
 from rcl_interfaces.msg import Parameter as ParameterMsg
 from rcl_interfaces.srv import GetParameters, ListParameters, SetParametersAtomically
 from rclpy.parameter import Parameter as RosParameter
-from rclpy.qos import qos_profile_sensor_data, QoSProfile, ReliabilityPolicy
 from rig import BLACK, EXPECTED, header, image, NODE, Rig, same, SCENE, stamps, values
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CompressedImage, PointCloud2
@@ -30,7 +29,6 @@ import yaml
 if TYPE_CHECKING:
     from conftest import Peer
 
-RELIABLE = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
 ROOT = Path(__file__).parents[2]
 BIG_CAMERA = """
 import array, rclpy
@@ -271,20 +269,6 @@ def test_namespace_remapping_and_a_section_of_yaml(peer: Peer) -> None:
     assert same(rig.detect(image(SCENE)), expected)
     status = rig.report('frames')
     assert (status.name, status.hardware_id) == ('/left/detector: detection', 'rig')
-
-
-@pytest.mark.parametrize('camera_qos', [qos_profile_sensor_data, RELIABLE])
-def test_qos_overrides_and_any_camera(peer: Peer, camera_qos: QoSProfile) -> None:
-    rig = Rig(peer, '-p', 'qos_overrides./detector/segments.publisher.reliability:=best_effort',
-              '-p', 'qos_overrides./image.subscription.depth:=3', listen=('arcs',),
-              camera_qos=camera_qos).ready()
-    assert outputs.records(rig.detect(image(SCENE), 'arcs')).size == len(EXPECTED)
-    for topic, reliability in (('/detector/segments', ReliabilityPolicy.BEST_EFFORT),
-                               ('/detector/arcs', ReliabilityPolicy.RELIABLE)):
-        info, = peer.node.get_publishers_info_by_topic(topic)
-        assert info.qos_profile.reliability == reliability
-    info, = peer.node.get_subscriptions_info_by_topic('/image')
-    assert info.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
 
 
 def test_simulated_time_that_jumps_back(peer: Peer) -> None:

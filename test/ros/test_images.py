@@ -8,7 +8,7 @@ from hypothesis import given, strategies as st
 import numpy as np
 import pytest
 from qflsd_ros.ros import images
-from sensor_msgs.msg import CompressedImage, Image
+from sensor_msgs.msg import Image
 
 GRAY = np.random.default_rng(0).integers(0, 256, (24, 32), np.uint8)
 COLOUR = np.random.default_rng(1).integers(0, 256, (24, 32, 3), np.uint8)
@@ -135,19 +135,3 @@ def test_any_message_gives_a_frame_or_an_image_error(
     except images.ImageError:
         return
     assert gray.shape == (height, width) and gray.dtype == np.uint8
-
-
-@pytest.mark.parametrize('extension', ['.png', '.jpg'])
-@pytest.mark.parametrize('pixels', [SMOOTH, np.dstack([SMOOTH] * 3)])
-def test_compressed(extension: str, pixels: np.ndarray) -> None:
-    data = cv2.imencode(extension, pixels)[1].tobytes()
-    gray = images.decode(CompressedImage(format='whatever', data=array('B', data)))
-    assert gray.dtype == np.uint8 and gray.shape == SMOOTH.shape
-    assert np.abs(gray.astype(int) - SMOOTH).max() <= 4
-
-
-@pytest.mark.parametrize('data', [b'', b'no image', cv2.imencode('.png', GRAY)[1].tobytes()[:40]])
-def test_corrupt_compressed_data_is_named(data: bytes) -> None:
-    with pytest.raises(images.ImageError, match=f'{len(data)} bytes') as caught:
-        images.decode(CompressedImage(format='png', data=array('B', data)))
-    assert caught.value.reason == 'cannot be decoded'

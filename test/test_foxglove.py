@@ -1,0 +1,45 @@
+"""The layout for Foxglove shows topics that the detector publishes, each panel in its place."""
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any, Iterator
+
+from qflsd_ros.ros.detector import OUTPUTS
+
+LAYOUT = json.loads((Path(__file__).parents[1] / 'config' / 'foxglove.json').read_text())
+
+
+def leaves(node: Any) -> Iterator[Any]:
+    """Return everything in a tree that is no dictionary or list, and the keys as well."""
+    if isinstance(node, dict):
+        for key, value in node.items():
+            yield key
+            yield from leaves(value)
+    elif isinstance(node, list):
+        for value in node:
+            yield from leaves(value)
+    else:
+        yield node
+
+
+def panels(node: Any) -> Iterator[str]:
+    """Return the panels of a layout, from the first to the last."""
+    if isinstance(node, str):
+        yield node
+    else:
+        yield from panels(node['first'])
+        yield from panels(node['second'])
+
+
+def test_every_panel_has_a_place_and_a_configuration() -> None:
+    shown = list(panels(LAYOUT['layout']))
+    assert sorted(shown) == sorted(LAYOUT['configById']) and len(shown) == len(set(shown))
+
+
+def test_topics_are_those_of_the_node() -> None:
+    published = {topic.replace('~', '/detector') for topic, _, _ in OUTPUTS} | {'/diagnostics'}
+    named = {leaf.partition('.')[0] for leaf in leaves(LAYOUT['configById'])
+             if isinstance(leaf, str) and leaf.startswith('/')}
+    assert named == {'/detector/overlay', '/detector/markers', '/detector/arcs', '/diagnostics'}
+    assert named <= published
