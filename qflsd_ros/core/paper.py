@@ -94,7 +94,7 @@ def longest_segment(contour: np.ndarray, parameters: Parameters,
 
 
 def remove(contour: np.ndarray, run: tuple[int, int]) -> list[np.ndarray]:
-    """Return what remains of a contour without a run: the three cases of Figure 2 (Algorithm 2)."""
+    """Return what remains of a contour without a run: the cases of Figure 2 (Algorithm 2)."""
     return [piece for piece in (contour[:run[0]], contour[run[1]:]) if len(piece)]
 
 
@@ -148,10 +148,13 @@ def describe(row: np.ndarray, piece: np.ndarray) -> None:
     """
     Fill a row of the table from the pixels of one segment.
 
-    Open: the paper reports pixels; here the circle goes through the first, the middle and the last
-    of them, since the fit of equation (8) turns straight segments into small circles.
+    Open: the paper reports pixels; here the circle goes through the two farthest apart, between
+    which a contour may run out and back, and one halfway between them, since the fit of equation
+    (8) turns straight segments into small circles.
     """
-    start, middle, end = piece[0], piece[len(piece) // 2], piece[-1]
+    start = piece[np.argmax(_distances(piece, piece[0]))]
+    end = piece[np.argmax(_distances(piece, start))]
+    middle = piece[np.argmin(np.abs(_distances(piece, start) - _distances(piece, end)))]
     a, b, chord = middle - start, end - middle, end - start
     cross = a[0] * b[1] - a[1] * b[0]
     sizes = [max(float(np.hypot(*v)), 1e-9) for v in (a, b, chord)]
@@ -164,6 +167,10 @@ def describe(row: np.ndarray, piece: np.ndarray) -> None:
     row['middle'] = (start + end) / 2 - sagitta * normal
     row['curvature'], row['length'], row['support'] = curvature, length, len(piece)
     row['rms'] = _rms(piece, row['middle'], chord / sizes[2], curvature)
+
+
+def _distances(piece: np.ndarray, point: np.ndarray) -> np.ndarray:
+    return np.hypot(piece[:, 0] - point[0], piece[:, 1] - point[1])
 
 
 def _rms(piece: np.ndarray, origin: np.ndarray, along: np.ndarray, curvature: float) -> float:
