@@ -14,7 +14,7 @@ import numpy as np
 from qflsd_ros.core.compilation import compiled, inlined
 from qflsd_ros.core.edges import STRONG, TAN_22
 
-# The 8 neighbours in order of their direction, in steps of 45 degrees from the x axis to the y axis.
+# The 8 neighbours in order of their direction, from the x axis to the y axis and on.
 STEP_X = np.array([1, 1, 0, -1, -1, -1, 0, 1], np.int64)
 STEP_Y = np.array([0, 1, 1, 1, 0, -1, -1, -1], np.int64)
 UNIT_X = STEP_X / np.hypot(STEP_X, STEP_Y)

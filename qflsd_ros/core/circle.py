@@ -20,7 +20,7 @@ import math
 
 import numpy as np
 
-from qflsd_ros.core.compilation import compiled, inlined, summed
+from qflsd_ros.core.compilation import inlined, summed
 
 Circle = tuple[float, float, float, float]
 
@@ -86,8 +86,12 @@ def fit(points: np.ndarray, first: int, last: int, residual: float, significance
     ----------
     points
         (2, N) x and y, px, or (3, N) with the number of edge points that each stands for.
+    first, last
+        Which of them to fit, both included.
     residual
         Residual sum of squares of those edge points about the given ones, px^2, to be added.
+    significance, sharpest
+        See above.
     fits, row
         (R, FIT_SIZE) float64, of which the row takes origin, A to D (in the image's axes, relative
         to the origin), residual sum of squares, sum of weights, and variances of A and D.

@@ -19,17 +19,13 @@ class Detector:
     """
     Finds the pictures of straight edges, seen through any lens, as circular arcs.
 
-    A detector keeps its memory from frame to frame: use one for each thread.
-
-    Parameters
-    ----------
-    parameters
-        What to look for; None: the defaults.  May be replaced between two frames.
+    A detector keeps its memory from frame to frame: use one for each thread.  Its attribute
+    ``parameters`` may be replaced between two frames.
 
     """
 
     def __init__(self, parameters: Parameters | None = None) -> None:
-        """Take the parameters; nothing is compiled yet, see :meth:`warm_up`."""
+        """Take parameters (None: the defaults); nothing is compiled yet, see :meth:`warm_up`."""
         self.parameters = Parameters() if parameters is None else parameters
         self._memory = _Memory(0, 0)
 
@@ -39,7 +35,7 @@ class Detector:
         gray[16:48, 16:48] = 255
         Detector().detect(gray)
 
-    def detect(self, gray: np.ndarray) -> Arcs:
+    def detect(self, gray: np.ndarray, mask: np.ndarray | None = None) -> Arcs:
         """
         Find the arcs of one image.
 
@@ -47,6 +43,10 @@ class Detector:
         ----------
         gray
             (H, W) uint8, any strides.
+        mask
+            (H, W) uint8 or bool, not zero where arcs may be: none begins, ends or passes outside,
+            so that the rim of the mask is not taken for an edge.  Keep the array between frames:
+            it is looked at when another one comes.  Not for method paper.
 
         Returns
         -------
@@ -57,21 +57,21 @@ class Detector:
         TypeError
             ``gray`` is not an array of uint8.
         ValueError
-            ``gray`` has not two dimensions, or no pixel.
+            ``gray`` has not two dimensions, or no pixel; ``mask`` has not its shape.
 
         """
-        _check(gray)
+        _check(gray, mask)
         if min(gray.shape) < SMALLEST_IMAGE:
             return Arcs.empty()
         gray = np.ascontiguousarray(gray)
         if self.parameters.method == 'paper':
             return paper.detect(gray, self.parameters)
-        count = self._find_chains(gray)
+        count = self._find_chains(gray, mask)
         pieces = self._extract(count)
         return self._assemble(pieces)
 
-    def _find_chains(self, gray: np.ndarray) -> int:
-        """Step 1: leave the chains of the image's edges in memory; return their number."""
+    def _find_chains(self, gray: np.ndarray, mask: np.ndarray | None) -> int:
+        """Leave the chains of the image's edges in memory; return their number (Step 1)."""
         parameters, (height, width) = self.parameters, gray.shape
         if self._memory.shape != gray.shape:
             self._memory = _Memory(height, width)
@@ -83,6 +83,8 @@ class Detector:
         memory.reserve(edges.thin(memory.dx, memory.dy, memory.magnitude,
                                   parameters.contrast_low, parameters.contrast_high,
                                   memory.edges))
+        if mask is not None:
+            edges.remove(memory.dx, memory.edges, memory.blocked(mask))
         count = chains.trace(dx, dy, memory.flat, memory.words, width, SHORTEST,
                              memory.xs, memory.ys, memory.offsets)
         edges.locate(dx, dy, magnitude, width, memory.xs, memory.ys,
@@ -90,7 +92,7 @@ class Detector:
         return count
 
     def _extract(self, chain_count: int) -> joining.Pieces:
-        """Steps 2 to 5: the pieces of arcs in all chains."""
+        """Find the pieces of arcs in all chains (Steps 2 to 5)."""
         memory = self._memory
         count = extraction.extract(memory.points, memory.offsets, chain_count, SHORTEST,
                                    self.parameters.tolerance, SIGNIFICANCE, self._sharpest(),
@@ -98,14 +100,14 @@ class Detector:
         return joining.describe(memory.points, memory.runs[:count], memory.fits[:count])
 
     def _assemble(self, pieces: joining.Pieces) -> Arcs:
-        """Step 6: join the pieces and describe the arcs."""
+        """Join the pieces and describe the arcs (Step 6)."""
         memory, parameters = self._memory, self.parameters
         joined = joining.join(pieces, memory.dx, memory.dy, parameters.min_length,
                               parameters.max_gap, parameters.tolerance, SIGNIFICANCE,
                               self._sharpest())
         return assembly.assemble(pieces, joined, memory.magnitude, memory.xs, memory.ys,
-                                 memory.points, parameters.contrast_high, parameters.min_length, parameters.min_score,
-                                 parameters.min_distance)
+                                 memory.points, parameters.contrast_high, parameters.min_length,
+                                 parameters.min_score, parameters.min_distance)
 
     def _sharpest(self) -> float:
         """
@@ -117,13 +119,15 @@ class Detector:
         return 1 / (self.parameters.min_radius * math.hypot(*self._memory.shape) / 2)
 
 
-def _check(gray: np.ndarray) -> None:
+def _check(gray: np.ndarray, mask: np.ndarray | None) -> None:
     if not isinstance(gray, np.ndarray) or gray.dtype != np.uint8:
         came = f'{gray.dtype} array' if isinstance(gray, np.ndarray) else type(gray).__name__
         raise TypeError(f'image is a {came}: must be a uint8 array of shape (height, width)')
     if gray.ndim != 2 or gray.size == 0:
         raise ValueError(f'image has shape {gray.shape}: must be (height, width), both above 0; '
                          'convert colour to grey first')
+    if mask is not None and mask.shape != gray.shape:
+        raise ValueError(f'mask has shape {mask.shape}: must be {gray.shape}, as the image')
 
 
 class _Memory:
@@ -137,7 +141,14 @@ class _Memory:
         self.flat = np.zeros((height * width + 7) // 8 * 8, np.uint8)
         self.words = self.flat.view(np.uint64)
         self.edges = self.flat[:height * width].reshape(self.shape)
+        self._mask: np.ndarray | None = None
         self.reserve(1)
+
+    def blocked(self, mask: np.ndarray) -> np.ndarray:
+        """Return :func:`edges.blocked` of a mask, computed anew only for another one."""
+        if mask is not self._mask:
+            self._mask, self._blocked = mask, edges.blocked(mask)
+        return self._blocked
 
     def reserve(self, edge_pixels: int) -> None:
         """Make room for so many edge pixels, and half as many again when there was too little."""

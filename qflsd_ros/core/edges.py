@@ -16,6 +16,8 @@ from qflsd_ros.core.compilation import compiled
 
 SOBEL_GAIN = 4.0                # Sobel's response to a step of one grey level
 WEAK, STRONG = 1, 2             # what an edge pixel is in the edge map
+MASKED = -32768                 # what dx becomes where no arc may pass; Sobel never gives it
+MASK_MARGIN = 2                 # px around what is masked in which there are no edges either
 TAN_22 = math.sqrt(2) - 1       # tangent of 22.5 degrees
 
 
@@ -90,6 +92,18 @@ def thin(dx: np.ndarray, dy: np.ndarray, magnitude: np.ndarray, low: float, high
     return count
 
 
+def blocked(mask: np.ndarray) -> np.ndarray:
+    """Return where edges may not be, (H, W) bool: where a mask is zero, and close to it."""
+    side = 2 * MASK_MARGIN + 1
+    return cv2.erode((mask != 0).astype(np.uint8), np.ones((side, side), np.uint8)) == 0
+
+
+def remove(dx: np.ndarray, edges: np.ndarray, where: np.ndarray) -> None:
+    """Take out the edges in a region, (H, W) bool, and mark it in dx for what comes after."""
+    np.copyto(edges, 0, where=where)
+    np.copyto(dx, MASKED, where=where)
+
+
 @compiled
 def locate(dx: np.ndarray, dy: np.ndarray, magnitude: np.ndarray, width: int,
            xs: np.ndarray, ys: np.ndarray, n: int, points: np.ndarray) -> None:
@@ -105,7 +119,7 @@ def locate(dx: np.ndarray, dy: np.ndarray, magnitude: np.ndarray, width: int,
         (H W,) as :func:`magnitudes` leaves them.
     width
         Pixels in a row.
-    xs, ys
+    xs, ys, n
         (E,) int32, of which the first n are the pixels; none lies on the image's border.
     points
         (4, E) float32, takes the positions x and y, px, and the gradient in grey levels.

@@ -2,8 +2,8 @@
 Steps 2 to 5: arcs out of chains, by hypothesis and verification.
 
 A hypothesis is the circle through three points of a window of a chain: its ends and its middle.
-It is verified outward from the middle and dropped at the first misfit.  The longest run is refitted
-by least squares and grown again, then taken out, and the one or two pieces left are searched on.
+It is verified outward from the middle and dropped at the first misfit.  The longest run is
+refitted by least squares and grown again, then taken out, and the pieces left are searched on.
 
 Windows have spans n, n / 2, n / 4, ... and begin every half span, so that each run of a chain that
 is at least 1.5 spans long contains a whole window: at that span the probability P^K of equation
@@ -78,8 +78,8 @@ def _refit(points: np.ndarray, first: int, last: int, lo: int, hi: int,
         if not circle.fit(points, lo, hi, 0.0, significance, sharpest, fits, row):
             return 0, -1
         model = (fits[row, 2], fits[row, 3], fits[row, 4], fits[row, 5])
-        new_lo, new_hi = _run(model, fits[row, 0], fits[row, 1], points, first, last, (lo + hi) // 2,
-                              tolerance)
+        new_lo, new_hi = _run(model, fits[row, 0], fits[row, 1], points, first, last,
+                              (lo + hi) // 2, tolerance)
         if new_lo == lo and new_hi == hi:
             break
         lo, hi = new_lo, new_hi
@@ -100,8 +100,8 @@ def extract(points: np.ndarray, offsets: np.ndarray, chains: int, shortest: int,
     ----------
     points
         (2, E) float32, x and y of the points of all chains, px.
-    offsets
-        (chains + 1,) where each chain begins.
+    offsets, chains
+        (chains + 1,) where each chain begins, and their number.
     shortest
         Arcs of fewer points are not looked for.
     tolerance

@@ -1,10 +1,10 @@
 """
 One arc from several pieces: across junctions, gaps, occlusions and flips of polarity.
 
-A piece is stood for by three points on its fit, at the nodes of Gauss-Legendre quadrature, with its
-edge points shared out to them by the weights of the quadrature.  They have the same moments up to
-the fifth order as the edge points themselves, so that the least squares of a joined arc over its
-pieces' nodes is that over all its edge points, at a cost that does not depend on their number.
+A piece is stood for by three points on its fit, at the nodes of Gauss-Legendre quadrature, with
+its edge points shared out to them by the weights of the quadrature.  They have the same moments up
+to the fifth order as the edge points themselves, so that the least squares of a joined arc over
+its pieces' nodes is that over all its edge points, at a cost that does not depend on their number.
 
 The longest piece comes first, is extended at both ends by the nearest piece that fits, again and
 again, and is taken out; then the next longest.
@@ -19,7 +19,7 @@ import numpy as np
 from qflsd_ros.core import circle
 from qflsd_ros.core.circle import FIT_SIZE
 from qflsd_ros.core.compilation import compiled, inlined
-from qflsd_ros.core.edges import SOBEL_GAIN
+from qflsd_ros.core.edges import MASKED, SOBEL_GAIN
 
 NODES = 3
 COUNT, RSS, SIZE = 0, 1, 2      # columns of Pieces.sums, and of the same of an arc
@@ -28,17 +28,18 @@ NODE_WEIGHT = np.array([5.0, 8.0, 5.0]) / 18.0
 CELL = 16.0             # px, of the grid in which ends are looked up
 COSINE = math.cos(math.radians(12.0))       # of the angle between the tangents at a gap
 OVERLAP = 4.0           # px by which two pieces may overlap
-ACROSS, ACROSS_SLOPE = 1.5, 0.25    # px that an end may lie beside the tangent, and more a px of gap
+ACROSS = 1.5            # px that an end may lie beside the tangent at the other
+ACROSS_SLOPE = 0.25     # px more of that for each px of gap
 GAP_SHARE = 0.7         # longest gap, of the sum of both lengths
-MISFIT = 0.6            # px, rms by which the shorter piece may lie off the joined arc
-LEEWAY = 1.5            # tolerances by which a node may lie off the joined arc
+MISFIT = 0.8            # px, rms by which the shorter piece may lie off the joined arc
+LEEWAY = 2.0            # tolerances by which a node may lie off the joined arc
 MISFIT_COST = 8.0       # px of gap that weigh as much as 1 px of misfit
 ALIGNED = math.cos(math.radians(22.5))      # of the angle between gradient and normal in a gap
 FAINTEST = 1.0          # grey levels, of a gradient that counts in a gap
-FREE = 6.0              # px, longest gap that needs no evidence
+FREE = 8.0              # px, longest gap that needs no evidence
 FREE_SHARE = 0.15       # the same as a share of the shorter piece
-EVIDENCE_SLOPE = 0.3    # evidence needed for each length of the shorter piece beyond that
-EVIDENCE = 0.5          # evidence that suffices for any gap
+EVIDENCE_SLOPE = 0.25   # evidence needed for each length of the shorter piece beyond that
+EVIDENCE = 0.45         # evidence that suffices for any gap
 SEED_SHARE = 0.67       # shortest piece from which an arc is made, of the shortest arc reported
 
 
@@ -46,8 +47,9 @@ class Pieces(NamedTuple):
     """M arcs out of chains, as columns."""
 
     runs: np.ndarray        # (M, 2) int64, first and last edge point
-    ends: np.ndarray        # (2 M + 1, 4) float64: x, y, outward unit tangent at start and end of
-                            # each piece; the last row is that of the arc in the making
+    # (2 M + 1, 4) float64: x, y and outward unit tangent, at start and end of each piece in turn;
+    # the last row is for the arc in the making
+    ends: np.ndarray
     nodes: np.ndarray       # (M, NODES, 2) float64, px
     sums: np.ndarray        # (M, 3) float64: number of edge points, residual sum of squares, chord
 
@@ -166,14 +168,14 @@ def _farthest(fits: np.ndarray, which: int, arc: np.ndarray, first: int, last: i
     return farthest
 
 
-@inlined
+@compiled
 def _evidence(fits: np.ndarray, which: int, x0: float, y0: float, x1: float, y1: float,
               dx: np.ndarray, dy: np.ndarray) -> float:
     """
     Return how far the gradients in the gap between two ends speak for an edge there, 0 to 1.
 
     It is the share of the pixels whose gradient is at right angles to the arc and points to one
-    side of it, less the share of those that point to the other.
+    side of it, less the share of those that point to the other; -1 where a pixel is masked.
     """
     steps = max(2, int(math.sqrt((x1 - x0) ** 2 + (y1 - y0) ** 2)))
     ox, oy, a, b, c, d = (fits[which, 0], fits[which, 1], fits[which, 2], fits[which, 3],
@@ -184,6 +186,8 @@ def _evidence(fits: np.ndarray, which: int, x0: float, y0: float, x1: float, y1:
         nx, ny, off = 2 * a * x + b, 2 * a * y + c, circle.value((a, b, c, d), x, y)
         row = min(max(int(oy + y - off * ny + 0.5), 0), dx.shape[0] - 1)
         column = min(max(int(ox + x - off * nx + 0.5), 0), dx.shape[1] - 1)
+        if dx[row, column] == MASKED:
+            return -1.0
         gx, gy = float(dx[row, column]), float(dy[row, column])
         across, size = gx * nx + gy * ny, math.sqrt(gx * gx + gy * gy)
         if abs(across) > ALIGNED * size and size > SOBEL_GAIN * FAINTEST:
@@ -195,7 +199,7 @@ def _evidence(fits: np.ndarray, which: int, x0: float, y0: float, x1: float, y1:
 def _cost(nodes: np.ndarray, sums: np.ndarray, other: int, side: int, gap: float,
           arc: np.ndarray, n: int, total: np.ndarray, fits: np.ndarray, now: int,
           tolerance: float, significance: float, sharpest: float) -> float:
-    """Return what joining a piece to an arc costs, px, or inf; writes their fit behind the arc's."""
+    """Return what joining a piece to an arc costs, px, or inf; writes the fit behind the arc's."""
     k = _append(nodes, sums, other, side, arc, n)
     size = sums[other, SIZE]
     # The farther a piece reaches beyond the arc so far, the less that says where it should be.
@@ -206,8 +210,8 @@ def _cost(nodes: np.ndarray, sums: np.ndarray, other: int, side: int, gap: float
     residual = total[RSS] + sums[other, RSS]
     if not circle.fit(arc, 0, k - 1, residual, significance, sharpest, fits, now + 1):
         return np.inf
-    misfit = math.sqrt(max(0.0, fits[now + 1, 6] - residual) / min(total[COUNT],
-                                                                    sums[other, COUNT]))
+    fewer = min(total[COUNT], sums[other, COUNT])
+    misfit = math.sqrt(max(0.0, fits[now + 1, 6] - residual) / fewer)
     if misfit > MISFIT or _farthest(fits, now + 1, arc, 0, k) > off:
         return np.inf
     return gap + MISFIT_COST * misfit
@@ -241,9 +245,11 @@ def _partner(nodes: np.ndarray, sums: np.ndarray, begins: np.ndarray, sorted_end
             if cost >= best_cost:
                 continue
             shorter = min(sums[other, SIZE], total[SIZE])
-            needed = min(EVIDENCE, EVIDENCE_SLOPE * (gap / shorter - FREE_SHARE))
-            if (gap <= FREE or needed <= 0 or needed <= _evidence(
-                    fits, now + 1, x, y, places[k, 0], places[k, 1], dx, dy)):
+            needed = 0.0
+            if gap > FREE:
+                needed = min(EVIDENCE, EVIDENCE_SLOPE * (gap / shorter - FREE_SHARE))
+            found = _evidence(fits, now + 1, x, y, places[k, 0], places[k, 1], dx, dy)
+            if found >= max(0.0, needed):
                 best, best_gap, best_cost = sorted_ends[k], gap, cost
     return best, best_gap
 
@@ -341,7 +347,8 @@ def join(pieces: Pieces, dx: np.ndarray, dy: np.ndarray, min_length: float, max_
 
     """
     m = len(pieces.sums)
-    joined = Joined(np.empty((m, 2), np.int64), np.zeros(m + 1, np.int64), np.empty((m + 2, FIT_SIZE)))
+    joined = Joined(np.empty((m, 2), np.int64), np.zeros(m + 1, np.int64),
+                    np.empty((m + 2, FIT_SIZE)))
     arcs = _join(pieces.ends, pieces.nodes, pieces.sums, dx, dy, SEED_SHARE * min_length, max_gap,
                  tolerance, significance, sharpest, *joined)
     return Joined(joined.members, joined.offsets[:arcs + 1], joined.fits[:arcs])

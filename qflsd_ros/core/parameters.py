@@ -6,8 +6,8 @@ ROS descriptors, command-line flags and ``config/detector.yaml`` are made from t
 from __future__ import annotations
 
 import dataclasses
-import math
 from dataclasses import dataclass
+import math
 from typing import Any
 
 METHODS = ('arcs', 'paper')
@@ -80,9 +80,9 @@ class Parameters:
         0.6, 'Standard deviation of the Gaussian blur before the gradients; 0 leaves it out.',
         'px', 0.0, 5.0)
     contrast_high: float = parameter(
-        15.0, 'Step across an edge from which on it starts a contour.', 'grey levels', 1.0, 255.0)
+        10.0, 'Step across an edge from which on it starts a contour.', 'grey levels', 1.0, 255.0)
     contrast_low: float = parameter(
-        5.0, 'Step across an edge down to which a contour that has started goes on.',
+        3.5, 'Step across an edge down to which a contour that has started goes on.',
         'grey levels', 0.5, 255.0)
     tolerance: float = parameter(
         0.7, 'Largest distance of an edge pixel from the arc that it belongs to.',
@@ -93,10 +93,10 @@ class Parameters:
         0.3, 'Smallest radius of an arc; a division model has none below 1 / sqrt(-lambda).',
         'of half the image diagonal', 0.01, 100.0)
     min_score: float = parameter(
-        0.0, 'Least -log10 of the number of false alarms of an arc; more leaves only surer ones.',
+        1.5, 'Least -log10 of the number of false alarms of an arc; more leaves only surer ones.',
         '', -1000.0, 1000.0)
     min_distance: float = parameter(
-        2.2, 'Of parallel arcs closer than this the longest is reported; 0 reports all.',
+        2.4, 'Of parallel arcs closer than this the longest is reported; 0 reports all.',
         'px', 0.0, 100.0)
     max_gap: float = parameter(
         40.0, 'Longest gap between two pieces of one arc; 0 leaves joining out.',

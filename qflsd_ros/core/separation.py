@@ -2,8 +2,8 @@
 Of parallel arcs that lie on top of each other, the longest.
 
 A thin line in the image has two edges, one on either side; a blurred or double edge may be found
-twice.  Arcs are entered into a grid, the longest first; one that for the most part lies beside those
-in it, in the same direction, is left out.
+twice.  Arcs are entered into a grid, the longest first; one that for the most part lies beside
+those in it, in the same direction, is left out.
 """
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import numpy as np
 from qflsd_ros.core.compilation import compiled, inlined
 
 PARALLEL = math.cos(math.radians(10.0))
-HIDDEN = 0.5        # share of an arc beside others from which on it is left out
+HIDDEN = 0.65       # share of an arc beside others from which on it is left out
 CELL = 16.0         # px, of the grid
 ENTRIES = 2         # of an arc to the grid for each length of a cell
 STEP = 4.0          # px between the places of an arc that are looked at
