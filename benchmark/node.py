@@ -152,7 +152,7 @@ def measure(experiment: Experiment) -> str:
     costs = message_costs(experiment.effort.rounds)
     path = experiment.figures / 'messages.png'
     plots.save(path, [plots.Panel('Building and serialising', 'arcs', 'CPU time, ms', {
-        f'~/{name}': (NUMBERS, times) for name, times in costs.items()}, logarithmic=True)])
+        f'~/{name}': (NUMBERS, times) for name, times in costs.items()}, logarithmic='xy')])
     kinds: Sequence[str] = ('PointCloud2', 'PointCloud2', 'MarkerArray')
     rows = [(f'`~/{name}`', kind, *(number(ms) for ms in times))
             for (name, times), kind in zip(costs.items(), kinds)]

@@ -27,7 +27,7 @@ class Panel:
     dots
         Whether points are left unconnected; single ones always are.
     logarithmic
-        Whether both axes are.
+        The axes that are: '', 'y' or 'xy'.
 
     """
 
@@ -36,7 +36,7 @@ class Panel:
     y: str
     series: Mapping[str, tuple[Sequence[float], Sequence[float]]]
     dots: bool = False
-    logarithmic: bool = False
+    logarithmic: str = ''
     limits: tuple[float, float] | None = None       # of y
 
 
@@ -65,9 +65,8 @@ def _draw(axis, panel: Panel) -> None:
         axis.plot(np.asarray(x, float)[order], np.asarray(y, float)[order], style,
                   color=COLOURS.get(name), label=TITLES.get(name, name),
                   markersize=4 if panel.dots else 6)
-    if panel.logarithmic:
-        axis.set_xscale('log')
-        axis.set_yscale('log')
+    for direction in panel.logarithmic:
+        axis.set(**{f'{direction}scale': 'log'})
     if panel.limits is not None:
         axis.set_ylim(panel.limits)
     axis.set_title(panel.title, fontsize=10)

@@ -29,7 +29,7 @@ def measure(experiment: Experiment) -> str:
     path = experiment.figures / 'speed.png'
     plots.save(path, [
         _panel('A room at several sizes', 'Mpx', {
-            name: gray.size / 1e6 for name, gray in sizes.items()}, of_sizes, True),
+            name: gray.size / 1e6 for name, gray in sizes.items()}, of_sizes, 'xy'),
         _panel(f'Bars, {effort.shape[1]}x{effort.shape[0]}', 'edge pixels, %', {
             name: 100 * _density(gray) for name, gray in cells.items()}, of_cells),
         _panel('The same bars', 'segments or arcs found', None, of_cells)])
@@ -50,7 +50,7 @@ def _density(gray: np.ndarray) -> float:
 
 
 def _panel(title: str, x: str, at: dict[str, float] | None, timings: timing.Timings,
-           logarithmic: bool = False) -> plots.Panel:
+           logarithmic: str = 'y') -> plots.Panel:
     """Return times against ``at``, or where that is None, against the number found."""
     names = next(iter(timings.values()))
     shown = [name for name in names if at is not None or name != FLOOR]
