@@ -3,9 +3,9 @@ Tell an arc from an accident.
 
 A-contrario (Desolneux, Moisan and Morel 2000; LSD; EDLines): were it one, the gradient at each of
 its edge points would lie within 11.25 degrees of its normal, on either side, by chance alone.
-That chance is about 1/8 for random directions; it is larger where there is texture all around, as
-strong as the arc itself, whose contours the edge points follow.  Of n points k are aligned.  The number of
-false alarms is the number of arcs looked at, times the probability of k or more of n.
+That chance is about 1/8 for random directions, and larger where there is texture all around, as
+strong as the arc itself, whose contours the edge points follow.  Of n points k are aligned.  The
+number of false alarms is the number of arcs looked at, times the probability of k or more of n.
 
 Points count in full only where the gradient is strong: the weaker, the more it is noise.
 """
