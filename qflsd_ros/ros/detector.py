@@ -26,6 +26,7 @@ from qflsd_ros.ros.lazy import LazySubscription
 from qflsd_ros.ros.markers import markers
 from qflsd_ros.ros.parameters import NodeParameters, ParameterError
 from qflsd_ros.ros.slot import Slot
+from qflsd_ros.ros.view import read_mask, reduced, view, ViewError
 import rclpy
 from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import (
@@ -120,6 +121,8 @@ class DetectorNode(Node):
     def __init__(self) -> None:
         super().__init__('detector')
         parameters.attach(self, (Parameters, NodeParameters), self._apply)
+        if mask := self._active[1].mask:
+            read_mask(mask)
         self._active[0].warm_up()
         self._statistics = Statistics()
         self._last_log: dict[str, float] = {}
@@ -209,7 +212,9 @@ class DetectorNode(Node):
         detector, settings = self._active
         header = frame.message.header
         gray = self._transport.read(frame.message, settings.white_level)
-        result = Result(header, gray, detector.detect(gray), settings)
+        factor, mask = view(settings, *gray.shape)
+        arcs = detector.detect(reduced(gray, factor), mask).scaled(factor)
+        result = Result(header, gray, arcs, settings)
         for publisher, build in self._outputs:
             if publisher.get_subscription_count():
                 publisher.publish(build(result))
@@ -255,6 +260,8 @@ def start(args: list[str] | None = None) -> DetectorNode:
         raise ParameterError(f'{type(error).__name__}: {error}') from error
     try:
         return DetectorNode()
+    except ViewError as error:
+        raise ParameterError(f'parameter {error}') from error
     except (ParameterException, RuntimeError) as error:
         if not rclpy.ok():
             raise ExternalShutdownException from error

@@ -7,12 +7,15 @@ cut off; YUV images give their luma, colour and Bayer images what OpenCV makes o
 from __future__ import annotations
 
 from functools import partial
-from typing import Callable, NamedTuple
+from typing import Callable, NamedTuple, TYPE_CHECKING
 
 import cv2
 import numpy as np
 from qflsd_ros.ros.errors import FrameError
-from sensor_msgs.msg import Image
+
+if TYPE_CHECKING:
+    from qflsd_ros.sources.frames import Frame
+    from sensor_msgs.msg import Image
 
 MAX_SIDE = 32768  # px
 WHITE = {'u2': 65535.0, 'f4': 1.0}  # the white level of a type unless another is given
@@ -71,14 +74,15 @@ for _bits, _dtype in ((8, 'u1'), (16, 'u2')):
     })
 
 
-def read(message: Image, white_level: float = 0.0) -> np.ndarray:
+def read(message: Image | Frame, white_level: float = 0.0) -> np.ndarray:
     """
     Return an image as a grey frame.
 
     Parameters
     ----------
     message
-        The image, in one of the encodings of :data:`LAYOUTS`.
+        The image, in one of the encodings of :data:`LAYOUTS`; or a frame of a recording, which
+        has the same fields.
     white_level
         Value that becomes 255 in images of 16 bits or floats; 0 stands for 65535 with 16 bits
         and for 1.0 with floats.
@@ -109,7 +113,7 @@ def read(message: Image, white_level: float = 0.0) -> np.ndarray:
     return gray if layout.dtype == 'u1' else _scaled(gray, white_level or WHITE[layout.dtype])
 
 
-def _check_size(message: Image, layout: Layout) -> None:
+def _check_size(message: Image | Frame, layout: Layout) -> None:
     height, width, step, size = message.height, message.width, message.step, len(message.data)
     what = f'{message.encoding} image of {width} x {height} pixels'
     if not (0 < width <= MAX_SIDE and 0 < height <= MAX_SIDE):

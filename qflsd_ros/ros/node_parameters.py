@@ -28,6 +28,22 @@ class NodeParameters:
     white_level: float = parameter(
         0.0, 'Value that becomes white in images of 16 bits or floats; 0 stands for 65535 with '
         '16 bits and for 1.0 with floats.', '', 0.0, 1000000.0)
+    roi_x: int = parameter(
+        0, 'Left edge of the region of the image in which arcs are sought.', 'px', 0, 32768)
+    roi_y: int = parameter(
+        0, 'Top edge of that region.', 'px', 0, 32768)
+    roi_width: int = parameter(
+        0, 'Width of that region; 0 stands for all the way to the right.', 'px', 0, 32768)
+    roi_height: int = parameter(
+        0, 'Height of that region; 0 stands for all the way down.', 'px', 0, 32768)
+    mask: str = parameter(
+        '', 'Image file of the size of the images, black where no arcs are sought (the robot '
+        'itself, the rim of a fisheye image), white elsewhere; empty stands for none.',
+        read_only=True)
+    max_width: int = parameter(
+        0, 'Images wider than this are made smaller by a whole number before the detection, to '
+        'save time; its parameters in px then count pixels of the smaller image, its results '
+        'those of the original. 0 leaves images as they are.', 'px', 0, 32768)
     polyline_tolerance: float = parameter(
         0.1, 'Largest distance between an arc and its points on ~/segments and ~/markers.',
         'px', 0.001, 100.0)

@@ -3,7 +3,6 @@ from __future__ import annotations
 
 from array import array
 
-import cv2
 from hypothesis import given, strategies as st
 import numpy as np
 import pytest

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 CONFIG = Path(__file__).parents[2] / 'config'
 KINDS = (Parameters, NodeParameters)
-PRESETS = ('fisheye', 'indoor')
+PRESETS = ('fisheye', 'indoor', 'high_speed')
 
 
 def values(name: str) -> dict[str, object]:

@@ -1,0 +1,92 @@
+"""Region, mask and scale become one array and one factor for each size of images."""
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from qflsd_ros.ros.node_parameters import NodeParameters
+from qflsd_ros.ros.view import read_mask, reduced, View, view, ViewError
+
+
+def write_mask(folder: Path, black: tuple[slice, slice], shape: tuple[int, int]) -> str:
+    pixels = np.full(shape, 255, np.uint8)
+    pixels[black] = 0
+    cv2.imwrite(str(folder / 'mask.png'), pixels)
+    return str(folder / 'mask.png')
+
+
+def test_by_default_the_whole_image_is_looked_at_as_it_is() -> None:
+    assert view(NodeParameters(), 480, 640) == View(1, None)
+    assert view(NodeParameters(max_width=640), 480, 640) == View(1, None)
+
+
+def test_a_region_is_all_that_is_looked_at() -> None:
+    mask = view(NodeParameters(roi_x=10, roi_y=20, roi_width=30, roi_height=5), 100, 200).mask
+    assert mask is not None and mask.shape == (100, 200)
+    assert mask[20:25, 10:40].all() and mask.sum() == 5 * 30
+
+
+@pytest.mark.parametrize('changes, area', [
+    ({'roi_x': 150}, 100 * 50), ({'roi_y': 40}, 60 * 200), ({'roi_width': 7}, 100 * 7),
+    ({'roi_x': 190, 'roi_width': 500}, 100 * 10)])
+def test_a_region_goes_on_to_the_rim(changes: dict[str, int], area: int) -> None:
+    mask = view(NodeParameters(**changes), 100, 200).mask
+    assert mask is not None and mask.sum() == area
+
+
+def test_mask_and_region_both_hold(tmp_path: Path) -> None:
+    path = write_mask(tmp_path, np.s_[:50, :], (100, 200))
+    mask = view(NodeParameters(mask=path, roi_width=20), 100, 200).mask
+    assert mask is not None and mask[50:, :20].all() and mask.sum() == 50 * 20
+
+
+def test_the_mask_shrinks_with_the_image_and_keeps_what_it_covers(tmp_path: Path) -> None:
+    path = write_mask(tmp_path, np.s_[:, 90:91], (100, 201))
+    factor, mask = view(NodeParameters(mask=path, max_width=50), 100, 201)
+    assert factor == 5 and mask is not None and mask.shape == (20, 40)
+    assert np.flatnonzero(~mask.all(axis=0)).tolist() == [18]
+
+
+@pytest.mark.parametrize('width, height, limit, factor', [
+    (640, 480, 320, 2), (641, 480, 320, 3), (640, 480, 639, 2), (640, 2, 10, 2), (1, 1, 1, 1)])
+def test_factor(width: int, height: int, limit: int, factor: int) -> None:
+    assert view(NodeParameters(max_width=limit), height, width).factor == factor
+
+
+@pytest.mark.parametrize('factor', [1, 2, 3])
+def test_reduced_gives_means_of_blocks(factor: int) -> None:
+    pixels = np.random.default_rng(0).integers(0, 255, (31, 47), np.uint8)
+    small = reduced(pixels[:, ::1], factor)
+    height, width = 31 // factor, 47 // factor
+    blocks = pixels[:height * factor, :width * factor].reshape(height, factor, width, factor)
+    assert small.shape == (height, width)
+    assert np.abs(small - blocks.mean(axis=(1, 3))).max() <= 0.5 + 1e-9
+
+
+@pytest.mark.parametrize('changes, reason, texts', [
+    ({'roi_x': 200}, 'region outside', ['roi_x 200', '200 x 100']),
+    ({'roi_y': 100}, 'region outside', ['roi_y 100']),
+    ({'mask': 'nowhere.png'}, 'mask', ['nowhere.png', 'No such file']),
+    ({'mask': __file__}, 'mask', ['test_view.py', 'must be an image']),
+    ({'mask': '/dev/null'}, 'mask', ['/dev/null', 'must be an image']),
+])
+def test_what_does_not_fit_is_named(changes: dict, reason: str, texts: list[str]) -> None:
+    with pytest.raises(ViewError) as caught:
+        view(NodeParameters(**changes), 100, 200)
+    assert caught.value.reason == reason
+    assert all(text in str(caught.value) for text in texts), str(caught.value)
+
+
+def test_a_mask_of_another_size_is_named(tmp_path: Path) -> None:
+    path = write_mask(tmp_path, np.s_[:, :9], (10, 20))
+    with pytest.raises(ViewError, match='has 20 x 10 pixels: must have 200 x 100'):
+        view(NodeParameters(mask=path), 100, 200)
+
+
+def test_the_file_is_read_once(tmp_path: Path) -> None:
+    path = write_mask(tmp_path, np.s_[:, :9], (10, 20))
+    first = read_mask(path)
+    Path(path).unlink()
+    assert read_mask(path) is first
