@@ -182,13 +182,13 @@ def test_the_colour_of_an_arc_is_the_same_whatever_is_beside_it(by: str) -> None
 def test_markers_are_cheap() -> None:
     """Of 500 arcs with 20 points each, in CPU time of this thread."""
     arcs = circle_arcs(500)
-    counts = arcs.vertices(0.1)[1]
-    assert counts.mean() == pytest.approx(20, abs=1)
+    counts = arcs.vertices(0.38)[1]
+    assert counts.mean() == pytest.approx(20, abs=1.5)
     # As after any image in the node, malloc keeps the pages that it has from here on.
     np.ones(1280 * 720 * 3, np.uint8)
     times = []
     for _ in range(100):
         begin = time.thread_time()
-        markers(HEADER, arcs, 0.1, 0.01, 1)
+        markers(HEADER, arcs, 0.38, 0.01, 1)
         times.append(time.thread_time() - begin)
     assert np.percentile(times, 10) < 2e-3
