@@ -199,7 +199,9 @@ def test_an_interrupt_ends_it_without_a_traceback(tmp_path: Path) -> None:
     path, output = make_video(tmp_path, 3000), tmp_path / 'results'
     process = subprocess.Popen(
         [sys.executable, '-m', 'qflsd_ros.cli.detect', str(path), '--output', str(output),
-         '--jobs', '2'], stderr=subprocess.PIPE, text=True, start_new_session=True)
+         '--jobs', '2'], stderr=subprocess.PIPE, text=True, start_new_session=True,
+        # A shell's background jobs ignore SIGINT, and so would what they start.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL))
     poll((output / 'v').exists)
     os.killpg(process.pid, signal.SIGINT)
     _, stderr = process.communicate(timeout=30)
