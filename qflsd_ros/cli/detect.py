@@ -1,4 +1,4 @@
-"""The command ``detect``: images, folders, globs and videos in, overlays, CSV and JSON out."""
+"""The command ``detect``: images, videos and rosbag2s in; overlays, CSV, JSON and bags out."""
 from __future__ import annotations
 
 import argparse
@@ -12,10 +12,13 @@ import time
 from typing import Iterable, Iterator
 
 import cv2
-from qflsd_ros.cli import inputs, results, settings
+from qflsd_ros import rows
+from qflsd_ros.cli import inputs, recordings, results, settings
 from qflsd_ros.cli.inputs import Picture
+from qflsd_ros.cli.recordings import Cloud, Recordings
 from qflsd_ros.cli.settings import SettingsError
-from qflsd_ros.core import Detector, Parameters
+from qflsd_ros.core import Arcs, Detector, Parameters
+from qflsd_ros.ros.node_parameters import NodeParameters
 from qflsd_ros.sources.frames import Report, SourceError
 from tqdm import tqdm
 
@@ -24,11 +27,16 @@ FAILED, USAGE, INTERRUPTED = 1, 2, 130  # exit codes
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of one picture: arcs and CPU time (s) of their detection, or what went wrong."""
+    """
+    What came of one picture: arcs and CPU time (s) of their detection, or what went wrong.
+
+    Of a recorded image, the segments as well.
+    """
 
     arcs: int = 0
     seconds: float = 0.0
     error: str = ''
+    cloud: Cloud | None = None
 
 
 class Work:
@@ -53,7 +61,14 @@ class Work:
             return Outcome(error=str(error))
         except OSError as error:
             return Outcome(error=f'results of {picture.name!r} cannot be written: {error}')
-        return Outcome(len(arcs), seconds)
+        return Outcome(len(arcs), seconds, cloud=_cloud(picture, arcs))
+
+
+def _cloud(picture: Picture, arcs: Arcs) -> Cloud | None:
+    if picture.moment is None:
+        return None
+    bag = picture.name.rpartition('/')[0]
+    return Cloud(bag, picture.moment, rows.of_segments(arcs, NodeParameters.polyline_tolerance))
 
 
 _work: Work | None = None  # of a worker process
@@ -105,7 +120,8 @@ def parser() -> argparse.ArgumentParser:
         description='Finds the arcs in images and writes, for each, an overlay (PNG), a table '
         '(CSV) and everything (JSON).  Flags win over the parameter file.')
     result.add_argument('input', nargs='+', metavar='INPUT',
-                        help='image, video, folder of them, or glob pattern')
+                        help='image, video, rosbag2, folder of images and videos, or glob '
+                        'pattern')
     result.add_argument('--output', type=Path, default=Path('output'), metavar='DIR',
                         help='folder of the results (default: %(default)s)')
     result.add_argument('--jobs', type=int, default=1, metavar='N',
@@ -129,6 +145,11 @@ def check(arguments: argparse.Namespace, files: list[Path]) -> None:
         if path.resolve() in written:
             raise SettingsError(f'{str(path)!r} would be overwritten by its own results: '
                                 'choose another folder by --output')
+    for path, name in zip(files, inputs.names(files)):
+        bag = recordings.path_of(folder, name)
+        if inputs.is_bag(path) and bag.exists():
+            raise SettingsError(f'{str(bag)!r} is already there: remove it or choose another '
+                                'folder by --output')
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -140,7 +161,8 @@ def run(files: list[Path], missing: list[str], parameters: Parameters, folder: P
     """Work on all files, say what came of it, and return the exit code."""
     begin, done, errors = time.perf_counter(), [], []
     total = sum(map(inputs.count, files))
-    with tqdm(total=total, unit='image', disable=True if total == 1 else None) as progress:
+    with Recordings(folder) as bags, tqdm(
+            total=total, unit='image', disable=True if total == 1 else None) as progress:
         def complain(text: str) -> None:
             errors.append(text)
             progress.write(f'detect: {text}', file=sys.stderr)
@@ -151,8 +173,10 @@ def run(files: list[Path], missing: list[str], parameters: Parameters, folder: P
             progress.update()
             if outcome.error:
                 complain(outcome.error)
-            else:
-                done.append(outcome)
+                continue
+            done.append(outcome)
+            if outcome.cloud:
+                bags.write(outcome.cloud)
     milliseconds = 1e3 * sum(outcome.seconds for outcome in done) / max(1, len(done))
     print(f'{len(done)} images, {sum(outcome.arcs for outcome in done)} arcs in '
           f'{time.perf_counter() - begin:.1f} s, {milliseconds:.2f} ms of detection (CPU) per '

@@ -1,20 +1,31 @@
-"""The pictures that the command line names: files, globs, folders and videos."""
+"""The pictures that the command line names: files, globs, folders, videos and rosbag2s."""
 from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass
 import glob
 from pathlib import Path
-from typing import Iterable, Iterator
+from typing import Iterable, Iterator, NamedTuple
 
 import cv2
 import numpy as np
+from qflsd_ros.ros import images
+from qflsd_ros.ros.errors import FrameError
+from qflsd_ros.sources.bag import Bag, STORAGE_SUFFIXES
 from qflsd_ros.sources.files import IMAGE_SUFFIXES, natural_order, read_image
-from qflsd_ros.sources.frames import Report
+from qflsd_ros.sources.frames import Report, SourceError
 from qflsd_ros.sources.video import quiet_capture, Video
 
 # In a folder, these are taken for videos; a file named on its own is one unless it is an image.
 VIDEO_SUFFIXES = ('.avi', '.m4v', '.mkv', '.mov', '.mp4', '.mpeg', '.mpg', '.webm')
+
+
+class Moment(NamedTuple):
+    """When a recorded image was taken and recorded, ns, and in which coordinate frame."""
+
+    recorded: int
+    stamp: int
+    frame_id: str
 
 
 @dataclass(frozen=True)
@@ -29,10 +40,12 @@ class Picture:
     name
         What its results are called, different for every picture.
     frame
-        Its number in a video, from 0; None for an image file.
+        Its number in a video or rosbag2, from 0; None for an image file.
     pixels
         (H, W, 3) uint8 B, G, R of a frame; None for an image file, which whoever works on it
         reads.
+    moment
+        Of an image of a rosbag2; None for any other.
 
     """
 
@@ -40,6 +53,7 @@ class Picture:
     name: str
     frame: int | None = None
     pixels: np.ndarray | None = None
+    moment: Moment | None = None
 
     def read(self) -> np.ndarray:
         """Return (H, W, 3) uint8 B, G, R; SourceError where the file cannot be read."""
@@ -50,7 +64,7 @@ def find(arguments: Iterable[str]) -> tuple[list[Path], list[str]]:
     """
     Return the files that arguments stand for, each once, in order, and which stand for none.
 
-    An argument is a file, a folder (its images and videos) or a glob pattern.
+    An argument is a file, a rosbag2, a folder (its images and videos) or a glob pattern.
     """
     files: dict[Path, Path] = {}
     missing = []
@@ -67,7 +81,7 @@ def _expand(argument: str) -> Iterator[Path]:
     path = Path(argument)
     matches = [path] if path.exists() else map(Path, sorted(glob.glob(argument, recursive=True)))
     for match in matches:
-        if match.is_dir():
+        if match.is_dir() and not is_bag(match):
             yield from (file for file in sorted(match.iterdir(), key=natural_order)
                         if file.suffix.lower() in IMAGE_SUFFIXES + VIDEO_SUFFIXES)
         else:
@@ -75,10 +89,20 @@ def _expand(argument: str) -> Iterator[Path]:
 
 
 def count(path: Path) -> int:
-    """Return the number of pictures in a file; of a video, what it says of itself."""
+    """Return the number of pictures in a file; of a video or rosbag2, what it says of itself."""
     if _is_image(path):
         return 1
+    if is_bag(path):
+        try:
+            return Bag(path, '', lambda _: None).count
+        except SourceError:
+            return 0
     return max(0, int(quiet_capture(str(path)).get(cv2.CAP_PROP_FRAME_COUNT)))
+
+
+def is_bag(path: Path) -> bool:
+    """Tell a rosbag2, a folder or a file, from anything else."""
+    return (path / 'metadata.yaml').exists() or path.suffix.lower() in STORAGE_SUFFIXES
 
 
 def _is_image(path: Path) -> bool:
@@ -120,14 +144,28 @@ def _numbered(wanted: list[str]) -> list[str]:
 
 def pictures(path: Path, name: str, report: Report) -> Iterator[Picture]:
     """
-    Return the picture of an image file, or the frames of a video in order.
+    Return the picture of an image file, or the frames of a video or rosbag2 in order.
 
-    Frames are called ``name/000000`` and so on; what a video lacks at its end is reported.
-    Raises SourceError where a video cannot be read.
+    Frames are called ``name/000000`` and so on; what cannot be read of them is reported.
+    Raises SourceError where a video or rosbag2 as a whole cannot be read.
     """
     if _is_image(path):
         yield Picture(path, name)
-        return
-    for number, frame in enumerate(Video(path, True, report)):
-        pixels = np.frombuffer(frame.data, np.uint8).reshape(frame.height, frame.width, 3)
-        yield Picture(path, f'{name}/{number:06d}', number, pixels)
+    elif is_bag(path):
+        yield from _recorded(path, name, report)
+    else:
+        for number, frame in enumerate(Video(path, True, report)):
+            pixels = np.frombuffer(frame.data, np.uint8).reshape(frame.height, frame.width, 3)
+            yield Picture(path, f'{name}/{number:06d}', number, pixels)
+
+
+def _recorded(path: Path, name: str, report: Report) -> Iterator[Picture]:
+    for number, frame in enumerate(Bag(path, '', report)):
+        try:
+            pixels = cv2.cvtColor(images.read(frame), cv2.COLOR_GRAY2BGR)
+        except FrameError as error:
+            report(f'{str(path)!r}: image {number}: {error}')
+            continue
+        assert frame.recorded is not None and frame.stamp is not None
+        moment = Moment(frame.recorded, frame.stamp, frame.frame_id or '')
+        yield Picture(path, f'{name}/{number:06d}', number, pixels, moment)

@@ -32,6 +32,12 @@ class Bag(Source):
     The images of one topic of a recording, with their stamps and coordinate frame.
 
     Raw images come as recorded, whatever their encoding; compressed ones are decoded.
+
+    Attributes
+    ----------
+    count
+        Number of messages on the topic, by what the bag says of itself.
+
     """
 
     def __init__(self, path: Path, topic: str, report: Report) -> None:
@@ -40,6 +46,8 @@ class Bag(Source):
         self._types = get_typestore(Stores.ROS2_JAZZY)
         with self._open() as reader:
             self._topic = self._choose(reader.connections, topic)
+            self.count = sum(connection.msgcount for connection in reader.connections
+                             if connection.topic == self._topic)
 
     @contextmanager
     def _open(self) -> Iterator[Reader]:
