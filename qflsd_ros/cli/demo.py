@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import argparse
+from contextlib import ExitStack
 import json
 import math
 import os
@@ -12,6 +13,7 @@ import socket
 import sys
 import time
 
+from qflsd_ros.cli.film import Film
 from qflsd_ros.cli.gallery import Gallery
 from qflsd_ros.cli.observer import Counts, Observer
 from qflsd_ros.cli.processes import ProcessError, Processes
@@ -41,9 +43,13 @@ def parse(args: list[str] | None) -> argparse.Namespace:
                         '(default: a synthetic scene)')
     parser.add_argument('--output', type=Path, default=Path('output/demo'), metavar='DIR',
                         help='folder of the pictures (default: %(default)s)')
+    parser.add_argument('--video', type=Path, metavar='FILE',
+                        help='write the overlay as a video, too; its name ends in .mp4')
     arguments = parser.parse_args(args)
     if not 0 < arguments.seconds < math.inf:
         parser.error(f'--seconds is {arguments.seconds}: must be above 0')
+    if arguments.video and arguments.video.suffix != '.mp4':
+        parser.error(f'--video is {str(arguments.video)!r}: must end in .mp4')
     source = arguments.input
     if source is not None and not source.isdigit() and not Path(source).exists():
         parser.exit(USAGE, f'demo: --input {source!r}: there is no such file or folder\n')
@@ -113,10 +119,14 @@ def watch(executor: Executor, observer: Observer, processes: Processes, seconds:
 def run(arguments: argparse.Namespace) -> None:
     """Run camera, detector and observer, and say what came of it."""
     interval = 0.0 if shows_stills(arguments.input) else 1.0
-    with Gallery(arguments.output, interval) as gallery, \
-            Processes(commands(arguments.input)) as processes:
+    with ExitStack() as stack:
+        gallery = stack.enter_context(Gallery(arguments.output, interval))
+        shows = [gallery.show]
+        if arguments.video:
+            shows.append(stack.enter_context(Film(arguments.video)).show)
+        processes = stack.enter_context(Processes(commands(arguments.input)))
         rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
-        observer = Observer(gallery.show)
+        observer = Observer(shows)
         executor = SingleThreadedExecutor()
         executor.add_node(observer)
         await_result(executor, observer, processes)
@@ -129,6 +139,8 @@ def run(arguments: argparse.Namespace) -> None:
         raise DemoError('no picture came')
     print(f'{len(gallery.paths)} pictures in {arguments.output}: '
           f'{gallery.paths[0].name} to {gallery.paths[-1].name}')
+    if arguments.video:
+        print(f'video in {arguments.video}')
 
 
 def end_on_signals() -> None:
@@ -158,7 +170,7 @@ def main(args: list[str] | None = None) -> int:
         print(f'demo: {error}', file=sys.stderr)
         return error.code if isinstance(error, ProcessError) else FAILED
     except OSError as error:
-        print(f'demo: --output {str(arguments.output)!r}: {error}', file=sys.stderr)
+        print(f'demo: results cannot be written: {error}', file=sys.stderr)
         return FAILED
     except KeyboardInterrupt:
         print(f'demo: interrupted; the pictures so far are in {arguments.output}', file=sys.stderr)

@@ -3,7 +3,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 import time
-from typing import Callable
+from typing import Callable, Iterable
 
 from builtin_interfaces.msg import Time
 import numpy as np
@@ -51,11 +51,11 @@ class Observer(Node):
 
     """
 
-    def __init__(self, show: Callable[[np.ndarray], None]) -> None:
-        """Call ``show`` with every overlay: (H, W, 3) uint8 B, G, R."""
+    def __init__(self, shows: Iterable[Callable[[np.ndarray], None]]) -> None:
+        """Call all of ``shows`` with every overlay: (H, W, 3) uint8 B, G, R."""
         super().__init__('demo')
         self.counts: Counts | None = None
-        self._show = show
+        self._shows = shows
         self._newest: Time | None = None
         reliable = QoSProfile(depth=5)
         self.create_subscription(Image, 'image', self._count_frame, qos_profile_sensor_data)
@@ -91,8 +91,10 @@ class Observer(Node):
             self.counts.arcs.append(message.width)
 
     def _take_overlay(self, message: Image) -> None:
-        self._show(np.frombuffer(message.data, np.uint8).reshape(message.height, message.step)[
-            :, :3 * message.width].reshape(message.height, message.width, 3))
+        rows = np.frombuffer(message.data, np.uint8).reshape(message.height, message.step)
+        pixels = rows[:, :3 * message.width].reshape(message.height, message.width, 3)
+        for show in self._shows:
+            show(pixels)
 
 
 def _since(stamp: Time) -> float | None:

@@ -57,19 +57,35 @@ def poll(condition: Callable[[], bool]) -> None:
         time.sleep(0.05)
 
 
+def check_video(path: Path) -> None:
+    """Check that a video of about 3 s shows coloured arcs, and that nothing else is left."""
+    assert [file.name for file in path.parent.iterdir()] == [path.name]
+    capture = cv2.VideoCapture(str(path))
+    frames = []
+    while (pixels := capture.read()[1]) is not None:
+        frames.append(pixels)
+    assert 60 <= len(frames) <= 200
+    assert all(pixels.shape == (480, 640, 3) for pixels in frames)
+    assert (np.ptp(frames[-1].astype(int), axis=2) > 100).any()
+    assert (frames[0] != frames[-1]).any()
+
+
 def test_it_says_what_comes_and_writes_pictures(tmp_path: Path) -> None:
     """A line a second with plausible figures, pictures of the scene, exit code 0."""
-    code, stdout, stderr = run('--seconds', 3, '--output', tmp_path)
+    pictured, video = tmp_path / 'pictures', tmp_path / 'films' / 'overlay.mp4'
+    code, stdout, stderr = run('--seconds', 3, '--output', pictured, '--video', video)
     assert code == 0, stdout + stderr
+    check_video(video)
+    assert f'video in {video}' in stdout
     lines = [LINE.match(line) for line in stdout.splitlines()]
     rows = [tuple(map(float, match.groups())) for match in lines if match]
     assert [row[0] for row in rows] == [1, 2, 3]
     for _, frames, results, arcs, median, late, age in rows:
         assert frames > 0 and results > 0 and arcs > 10
         assert 0 < median <= late < 5000 and 0 < age < 5000
-    pictures = sorted(tmp_path.iterdir())
+    pictures = sorted(pictured.iterdir())
     assert 2 <= len(pictures) <= 4
-    assert f'{len(pictures)} pictures in {tmp_path}' in stdout
+    assert f'{len(pictures)} pictures in {pictured}' in stdout
     shown = [cv2.imread(str(picture)) for picture in pictures]
     assert all(pixels.shape == (480, 640, 3) for pixels in shown)
     assert all((pixels.max(axis=2) - pixels.min(axis=2) > 100).any() for pixels in shown)
@@ -150,3 +166,10 @@ def test_no_process_outlives_it(tmp_path: Path, with_signal: signal.Signals) -> 
     assert process.returncode == 130
     assert 'Traceback' not in stderr and str(tmp_path) in stderr
     poll(lambda: not any(Path('/proc', str(number)).exists() for number in started))
+
+
+def test_a_video_of_another_kind_is_refused(tmp_path: Path) -> None:
+    """Exit code 2, before anything is started."""
+    code, stdout, stderr = run('--video', tmp_path / 'overlay.gif')
+    assert (code, stdout) == (2, '')
+    assert 'overlay.gif' in stderr and 'must end in .mp4' in stderr

@@ -1,0 +1,62 @@
+"""Pictures as they come, as a video."""
+from __future__ import annotations
+
+import os
+from pathlib import Path
+import time
+
+import cv2
+import numpy as np
+
+RATE = 30  # frames per second
+
+
+class Film:
+    """
+    Writes pictures as an MP4 that plays at the pace at which they came.
+
+    A context manager: the file is there, whole, after leaving, unless no picture came.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Write to ``path``, whose name ends in .mp4."""
+        self._path, self._partial = path, path.with_name(f'.{path.stem}.part.mp4')
+        self._writer: cv2.VideoWriter | None = None
+
+    def __enter__(self) -> Film:
+        """Make the folder."""
+        self._path.parent.mkdir(parents=True, exist_ok=True)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Finish the file."""
+        if self._writer is not None:
+            self._hold(self._last)
+            self._writer.release()
+            os.replace(self._partial, self._path)
+
+    def show(self, pixels: np.ndarray) -> None:
+        """Take a picture, (H, W, 3) uint8 B, G, R; OSError where the file cannot be written."""
+        if self._writer is None:
+            self._start(pixels)
+        else:
+            self._hold(self._last)
+        self._last = pixels
+
+    def _start(self, pixels: np.ndarray) -> None:
+        self._size = pixels.shape[1], pixels.shape[0]
+        self._begin, self._frames = time.monotonic(), 0
+        self._writer = cv2.VideoWriter(
+            str(self._partial), cv2.VideoWriter_fourcc(*'mp4v'), RATE, self._size)
+        if not self._writer.isOpened():
+            self._writer = None
+            raise OSError(f'{str(self._path)!r} cannot be written as a video')
+
+    def _hold(self, pixels: np.ndarray) -> None:
+        """Show a picture until now."""
+        assert self._writer is not None
+        if pixels.shape[1::-1] != self._size:
+            pixels = cv2.resize(pixels, self._size, interpolation=cv2.INTER_AREA)
+        while self._frames < (time.monotonic() - self._begin) * RATE:
+            self._writer.write(pixels)
+            self._frames += 1
