@@ -3,29 +3,60 @@ How the kernels are compiled: by numba, without the GIL, and kept on disk.
 
 numba counts references to arrays where one function calls another, which costs more than many a
 kernel: what is called in an inner loop is therefore inlined.
+
+numba looks at one file to see whether what it kept of it is still right, but kernels contain code of
+other files.  What is kept therefore lies in a folder named by a digest of all sources, below
+``NUMBA_CACHE_DIR`` if that is set, or else below the user's cache folder.
 """
 from __future__ import annotations
 
+from collections.abc import Callable
+import hashlib
 import logging
+import os
+from pathlib import Path
+from typing import Any
 
-from numba import njit
+import numba
 
 
-def _can_cache() -> bool:
-    """Return whether numba finds a folder that it may write its cache to; say so if not."""
+def _cache_folder() -> Path | None:
+    """Return the folder for compiled code, or None, and say so, where none can be written."""
+    digest = hashlib.sha256()
+    for source in sorted(Path(__file__).parents[1].rglob('*.py')):
+        digest.update(source.read_bytes())
+    home = os.environ.get('XDG_CACHE_HOME') or os.path.expanduser('~/.cache')
+    folder = (Path(os.environ.get('NUMBA_CACHE_DIR') or home) / 'qflsd_ros'
+              / digest.hexdigest()[:16])
     try:
-        njit(cache=True)(_can_cache)
-    except RuntimeError:
-        logging.getLogger(__name__).warning(
-            'numba cannot keep compiled code: neither the folder of this package nor the home '
-            'folder can be written; every start compiles anew (about 20 s). Set NUMBA_CACHE_DIR '
-            'to a folder that can be written.')
-        return False
-    return True
+        folder.mkdir(parents=True, exist_ok=True)
+        if os.access(folder, os.W_OK):
+            return folder
+        reason = 'it cannot be written'
+    except OSError as error:
+        reason = error.strerror
+    logging.getLogger(__name__).warning(
+        'compiled code cannot be kept in %s (%s): every start compiles anew, for about half a '
+        'minute. Set NUMBA_CACHE_DIR to a folder that can be written.', folder, reason)
+    return None
 
 
-_options = {'cache': _can_cache(), 'nogil': True, 'error_model': 'numpy'}
-compiled = njit(**_options)
-inlined = njit(inline='always', **_options)
+_FOLDER = _cache_folder()
+
+
+def _kernel(**options: Any) -> Callable[[Callable[..., Any]], Any]:
+    """Return a decorator like ``numba.njit`` that keeps what it compiles in our folder."""
+    def decorate(function: Callable[..., Any]) -> Any:
+        before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(_FOLDER or '')
+        try:
+            return numba.njit(cache=_FOLDER is not None, nogil=True, error_model='numpy',
+                              **options)(function)
+        finally:
+            numba.config.CACHE_DIR = before
+    return decorate
+
+
+compiled = _kernel()
+inlined = _kernel(forceinline=True)
 # Sums may be formed in any order, several terms at once.
-summed = njit(fastmath={'reassoc', 'contract', 'nsz'}, **_options)
+summed = _kernel(fastmath={'reassoc', 'contract', 'nsz'})

@@ -4,16 +4,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import hypot, nan, sqrt
 
-from numba import njit
 import numpy as np
 
+from qflsd_ros.core.compilation import compiled, inlined
 from qflsd_ros.core.distortion import DivisionModel
 
 FOCAL = 0.9     # half diagonals
 MARGIN = 2.0    # px
-
-compiled = njit(nogil=True, cache=True, error_model='numpy')
-inlined = njit(nogil=True, cache=True, error_model='numpy', forceinline=True)
 
 
 @dataclass(frozen=True)

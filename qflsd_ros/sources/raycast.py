@@ -12,8 +12,9 @@ from math import sqrt
 
 import numpy as np
 
+from qflsd_ros.core.compilation import compiled, inlined
 from qflsd_ros.sources.optics import (
-    angles_per_pixel, Camera, compiled, inlined, near_edges, ray)
+    angles_per_pixel, Camera, near_edges, ray)
 from qflsd_ros.sources.solids import Surfaces
 
 TEXTURE_SIZE = 256      # texels, a power of two
