@@ -57,7 +57,7 @@ class Rig:
     def __init__(self, peer: Peer, *arguments: str, node: str = '/detector',
                  topic: str = '/image', camera_type: type = Image,
                  listen: tuple[str, ...] = ('segments',),
-                 camera_qos: QoSProfile = qos_profile_sensor_data) -> None:
+                 camera_qos: QoSProfile = qos_profile_sensor_data, **environment: str) -> None:
         self.peer, self.name, self.topic = peer, node, topic
         self.received: dict[str, list[Any]] = defaultdict(list)
         self.camera = peer.node.create_publisher(camera_type, topic, camera_qos)
@@ -66,7 +66,7 @@ class Rig:
         peer.node.create_subscription(
             DiagnosticArray, '/diagnostics',
             lambda message: self.reports.extend(message.status), 10)
-        self.process: Process = peer.run(*NODE, *arguments)
+        self.process: Process = peer.run(*NODE, *arguments, **environment)
 
     def listen(self, output: str) -> Any:
         return self.peer.node.create_subscription(

@@ -18,7 +18,8 @@ from qflsd_ros.core import Detector, Parameters
 from qflsd_ros.ros import outputs, palette
 from qflsd_ros.ros.parameters import NodeParameters
 from rcl_interfaces.msg import Parameter as ParameterMsg
-from rcl_interfaces.srv import GetParameters, ListParameters, SetParametersAtomically
+from rcl_interfaces.srv import (
+    GetParameters, ListParameters, SetParameters, SetParametersAtomically)
 from rclpy.parameter import Parameter as RosParameter
 from rig import BLACK, EXPECTED, header, image, NODE, Rig, same, SCENE, stamps, values
 from rosgraph_msgs.msg import Clock
@@ -43,6 +44,10 @@ image.data = array.array('B', bytes(1080 * 5760))
 node.create_timer(0.1, lambda: publisher.publish(image))
 rclpy.spin(node)
 """
+FOUR_K_CAMERA = BIG_CAMERA.replace(
+    "height=1080, width=1920, step=5760, encoding='bgr8'",
+    "height=2160, width=3840, step=3840, encoding='mono8'").replace(
+    'bytes(1080 * 5760)', '__import__("os").urandom(2160 * 3840)')
 
 
 @pytest.fixture(scope='module')
@@ -312,6 +317,27 @@ def test_the_newest_frame_wins_and_the_others_are_counted(peer: Peer) -> None:
     # The last frame shown is the last one answered.
     peer.until(lambda: rig.received['segments'] and header(rig.received['segments'][-1]).stamp.sec
                == big.header.stamp.sec)
+
+
+def test_parameter_services_answer_while_4k_frames_are_worked_on(peer: Peer) -> None:
+    """Half of the answers within 50 ms, though each frame takes longer than that."""
+    profile = {'FASTRTPS_DEFAULT_PROFILES_FILE': str(ROOT / 'config' / 'fastdds.xml')}
+    rig = Rig(peer, '-p', 'blur_sigma:=5.0', **profile)
+    peer.run('-c', FOUR_K_CAMERA, **profile)
+    peer.until(lambda: len(rig.received['segments']) > 1)
+    client = peer.node.create_client(SetParameters, '/detector/set_parameters')
+    peer.until(client.service_is_ready)
+    times = []
+    begin = len(rig.received['segments'])
+    while len(rig.received['segments']) < begin + 3:
+        change = RosParameter('line_width', value=1 + len(times) % 9).to_parameter_msg()
+        sent = time.monotonic()
+        answer = client.call_async(SetParameters.Request(parameters=[change]))
+        peer.until(answer.done)
+        times.append(time.monotonic() - sent)
+        assert answer.result().results[0].successful
+    assert float(values(rig.report('frames'))['latency median (ms)']) > 50
+    assert np.median(times) < 0.05
 
 
 def test_the_profile_lets_large_images_through(peer: Peer) -> None:
