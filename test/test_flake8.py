@@ -2,8 +2,9 @@
 from __future__ import annotations
 
 from pathlib import Path
+import subprocess
+import sys
 
-from ament_flake8.main import main_with_errors
 import pytest
 
 ROOT = Path(__file__).parents[1]
@@ -15,5 +16,7 @@ CODE = [str(ROOT / name) for name in (
 @pytest.mark.linter
 def test_flake8() -> None:
     """All code is clean under ament_flake8."""
-    code, errors = main_with_errors(CODE)
-    assert code == 0, '\n'.join(errors)
+    # In a process of its own: flake8 forks, which does not go well with the threads of ROS.
+    result = subprocess.run([sys.executable, '-m', 'ament_flake8.main', *CODE], text=True,
+                            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=300)
+    assert result.returncode == 0, result.stdout
