@@ -4,7 +4,7 @@ How the kernels are compiled: by numba, without the GIL, and kept on disk.
 numba counts references to arrays where one function calls another, which costs more than many a
 kernel: what is called in an inner loop is therefore inlined.
 
-numba looks at one file to see whether what it kept of it is still right, but kernels contain code of
+numba looks at one file to see whether what it kept of it is still right, but kernels hold code of
 other files.  What is kept therefore lies in a folder named by a digest of all sources, below
 ``NUMBA_CACHE_DIR`` if that is set, or else below the user's cache folder.
 """

@@ -18,6 +18,9 @@ from qflsd_ros.core import circle
 from qflsd_ros.core.compilation import compiled, inlined
 
 REFITS = 3          # most rounds of refitting and growing
+# Points times curvature of an arc at most: points are up to 1.41 px apart, and the picture of a
+# straight edge never turns by more than half a turn (3.14).
+MOST_TURN = 2.2
 
 
 @inlined
@@ -85,6 +88,9 @@ def _refit(points: np.ndarray, first: int, last: int, lo: int, hi: int,
         lo, hi = new_lo, new_hi
     if hi - lo < 2:
         return 0, -1
+    bend = 2 * abs(fits[row, 2])
+    if bend * (hi - lo) > MOST_TURN:
+        hi = lo + int(MOST_TURN / bend)
     circle.fit(points, lo, hi, 0.0, significance, sharpest, fits, row)
     return lo, hi
 

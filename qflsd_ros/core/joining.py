@@ -32,6 +32,7 @@ ACROSS = 1.5            # px that an end may lie beside the tangent at the other
 ACROSS_SLOPE = 0.25     # px more of that for each px of gap
 GAP_SHARE = 0.7         # longest gap, of the sum of both lengths
 MISFIT = 0.8            # px, rms by which the shorter piece may lie off the joined arc
+MOST_TURN = 3.0         # radians; the picture of a straight edge never turns by more than 3.14
 LEEWAY = 2.0            # tolerances by which a node may lie off the joined arc
 MISFIT_COST = 8.0       # px of gap that weigh as much as 1 px of misfit
 ALIGNED = math.cos(math.radians(22.5))      # of the angle between gradient and normal in a gap
@@ -209,6 +210,8 @@ def _cost(nodes: np.ndarray, sums: np.ndarray, other: int, side: int, gap: float
         return np.inf
     residual = total[RSS] + sums[other, RSS]
     if not circle.fit(arc, 0, k - 1, residual, significance, sharpest, fits, now + 1):
+        return np.inf
+    if 2 * abs(fits[now + 1, 2]) * (total[SIZE] + gap + size) > MOST_TURN:
         return np.inf
     fewer = min(total[COUNT], sums[other, COUNT])
     misfit = math.sqrt(max(0.0, fits[now + 1, 6] - residual) / fewer)

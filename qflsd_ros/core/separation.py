@@ -11,38 +11,32 @@ import math
 
 import numpy as np
 
+from qflsd_ros.core import circle
 from qflsd_ros.core.compilation import compiled, inlined
 
 PARALLEL = math.cos(math.radians(10.0))
 HIDDEN = 0.65       # share of an arc beside others from which on it is left out
 CELL = 16.0         # px, of the grid
-ENTRIES = 2         # of an arc to the grid for each length of a cell
+ENTRIES = 4         # of an arc to the grid for each length of a cell
 STEP = 4.0          # px between the places of an arc that are looked at
 
 
 @inlined
-def _at(rows: np.ndarray, arc: int, share: float) -> tuple[float, float]:
-    """Return a point of an arc, close to the given share of its length, by a parabola."""
+def _at(rows: np.ndarray, fits: np.ndarray, arc: int,
+        share: float) -> tuple[float, float, float, float]:
+    """Return a point of an arc, about the given share along it, and the unit tangent there."""
     a, b, c = (1 - share) * (1 - 2 * share), 4 * share * (1 - share), share * (2 * share - 1)
-    return (a * rows[arc, 0] + b * rows[arc, 2] + c * rows[arc, 4],
-            a * rows[arc, 1] + b * rows[arc, 3] + c * rows[arc, 5])
+    return circle.foot(fits, arc, a * rows[arc, 0] + b * rows[arc, 2] + c * rows[arc, 4],
+                       a * rows[arc, 1] + b * rows[arc, 3] + c * rows[arc, 5])
 
 
 @inlined
-def _normal(fits: np.ndarray, arc: int, x: float, y: float) -> tuple[float, float]:
-    """Return the gradient of P at a point: the unit normal, where the point is on the curve."""
-    return (2 * fits[arc, 2] * (x - fits[arc, 0]) + fits[arc, 3],
-            2 * fits[arc, 2] * (y - fits[arc, 1]) + fits[arc, 4])
-
-
-@inlined
-def _beside(rows: np.ndarray, fits: np.ndarray, arc: int, x: float, y: float, nx: float,
-            ny: float, distance: float) -> bool:
-    """Return whether an arc passes a point within the distance, across the normal (nx, ny)."""
-    mx, my = _normal(fits, arc, x, y)
-    dx, dy = x - fits[arc, 0], y - fits[arc, 1]
-    p = fits[arc, 2] * (dx * dx + dy * dy) + fits[arc, 3] * dx + fits[arc, 4] * dy + fits[arc, 5]
-    if abs(p) > distance or abs(nx * mx + ny * my) < PARALLEL:
+def _beside(rows: np.ndarray, fits: np.ndarray, arc: int, x: float, y: float, tx: float,
+            ty: float, distance: float) -> bool:
+    """Return whether an arc passes a point within the distance, along the tangent (tx, ty)."""
+    fx, fy, ux, uy = circle.foot(fits, arc, x, y)
+    if ((x - fx) ** 2 + (y - fy) ** 2 > distance * distance
+            or abs(tx * ux + ty * uy) < PARALLEL):
         return False
     cx, cy = rows[arc, 4] - rows[arc, 0], rows[arc, 5] - rows[arc, 1]
     along = (x - rows[arc, 0]) * cx + (y - rows[arc, 1]) * cy
@@ -55,13 +49,12 @@ def _hidden(rows: np.ndarray, fits: np.ndarray, arc: int, heads: np.ndarray, ent
     """Return the share of an arc that lies beside those in the grid."""
     steps, covered = int(math.ceil(rows[arc, 7] / STEP)), 0
     for i in range(steps + 1):
-        x, y = _at(rows, arc, i / steps)
-        nx, ny = _normal(fits, arc, x, y)
+        x, y, tx, ty = _at(rows, fits, arc, i / steps)
         row = min(max(int(y / CELL), 0), heads.shape[0] - 1)
         column = min(max(int(x / CELL), 0), heads.shape[1] - 1)
         entry = heads[row, column]
         while entry >= 0:
-            if _beside(rows, fits, entries[entry, 0], x, y, nx, ny, distance):
+            if _beside(rows, fits, entries[entry, 0], x, y, tx, ty, distance):
                 covered += 1
                 break
             entry = entries[entry, 1]
@@ -74,11 +67,10 @@ def _enter(rows: np.ndarray, fits: np.ndarray, arc: int, distance: float, heads:
     """Enter an arc into all cells that it passes within the distance; return the new count."""
     steps = int(math.ceil(ENTRIES * rows[arc, 7] / CELL))
     for i in range(steps + 1):
-        x, y = _at(rows, arc, i / steps)
-        nx, ny = _normal(fits, arc, x, y)
+        x, y, tx, ty = _at(rows, fits, arc, i / steps)
         for side in (-distance, distance):
-            row = min(max(int((y + side * ny) / CELL), 0), heads.shape[0] - 1)
-            column = min(max(int((x + side * nx) / CELL), 0), heads.shape[1] - 1)
+            row = min(max(int((y + side * tx) / CELL), 0), heads.shape[0] - 1)
+            column = min(max(int((x - side * ty) / CELL), 0), heads.shape[1] - 1)
             head = heads[row, column]
             if head < 0 or entries[head, 0] != arc:
                 entries[count, 0], entries[count, 1] = arc, head
