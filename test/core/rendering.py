@@ -50,9 +50,9 @@ def render(shape: tuple[int, int], region: Region, low: float = LOW, high: float
     """Return the (H, W) uint8 image of a region: ``high`` inside, each pixel its area's mean."""
     offsets = (np.arange(SAMPLES) + 0.5) / SAMPLES - 0.5
     y, x = ((np.arange(size)[:, None] + offsets).ravel() for size in shape)
-    cover = np.clip(0.5 + SAMPLES * region(x[None, :], y[:, None]), 0, 1)
-    cover = cover.reshape(shape[0], SAMPLES, shape[1], SAMPLES).mean(axis=(1, 3))
-    grey = low + (high - low) * cover
+    depth = np.broadcast_to(region(x[None, :], y[:, None]), (len(y), len(x)))
+    cover = np.clip(0.5 + SAMPLES * depth, 0, 1).reshape(shape[0], SAMPLES, shape[1], SAMPLES)
+    grey = low + (high - low) * cover.mean(axis=(1, 3))
     if blur > 0:
         grey = cv2.GaussianBlur(grey, (0, 0), blur, borderType=cv2.BORDER_REPLICATE)
     if noise > 0:

@@ -55,8 +55,11 @@ def test_polyline_keeps_its_tolerance(start, heading, length, turn, side, tolera
 def test_polyline_has_no_more_points_than_needed(start, heading, length, turn, tolerance):
     points, = result(arc(start, heading, length, turn)).polylines(tolerance)
     chords = len(points) - 1
-    sagitta = length / turn * (1 - np.cos(turn / max(chords - 1, 1) / 2))
-    assert chords == 1 or sagitta > tolerance * (1 - 1e-9)
+    sagitta = length / turn * (1 - np.cos(turn / np.array([1, max(chords - 1, 1)]) / 2))
+    if chords == 1:
+        assert sagitta[0] <= tolerance * (1 + 1e-9)
+    else:
+        assert sagitta[0] > tolerance * (1 - 1e-9) and sagitta[1] > tolerance / 4 * (1 - 1e-9)
 
 
 @given(places, angles, st.floats(1, 10000), st.sampled_from([-1, 1]), st.floats(0.01, 5))

@@ -127,7 +127,8 @@ def test_fit_is_not_biased_where_that_of_kasa_is():
     error = np.std(ours) / np.sqrt(len(ours))
     assert abs(np.mean(ours) - 1e-4) < 3 * error
     assert error < 1e-6
-    assert 0.8 < np.mean(variances) / np.var(ours) < 1.25
+    # The noise of these points is independent, that of edge points is not.
+    assert 0.8 < np.mean(variances) / circle.CORRELATED / np.var(ours) < 1.25
     assert np.mean(kasa) > 1.5e-4
 
 

@@ -35,9 +35,9 @@ def test_an_arc_is_found_whole_and_in_place(magnitude, angle, offset, noise, see
     points = samples(arcs, 0)
     assert np.abs(off_circle(points, x, y, radius)).max() < 0.3
     assert np.isclose(row['curvature'], 1 / radius, rtol=0.02, atol=1e-5)
-    turn = np.linspace(0, 2 * np.pi, int(50 * radius))
+    turn = angle + np.pi + np.linspace(-1, 1, 10_000) * min(np.pi, 300 / radius)
     truth = inside(SHAPE, np.c_[x + radius * np.cos(turn), y + radius * np.sin(turn)], 0.5)
-    assert np.isclose(row['length'], len(truth) / 50, rtol=0, atol=8)
+    assert np.isclose(row['length'], len(truth) * radius * (turn[1] - turn[0]), rtol=0, atol=8)
     assert row['rms'] < 0.2
 
 

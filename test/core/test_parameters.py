@@ -77,7 +77,7 @@ def test_not_finite(field, value):
 
 
 @pytest.mark.parametrize(('name', 'value'), [
-    ('tolerance', 1), ('min_length', 20), ('max_gap', 0), ('contrast_low', 15),
+    ('tolerance', 1), ('min_length', 20), ('max_gap', 0), ('contrast_low', 1),
     ('paper_epsilon', 700)])
 def test_integer_for_float(name, value):
     taken = getattr(Parameters(**{name: value}), name)

@@ -1,0 +1,136 @@
+"""One arc from several pieces: what is joined, and what is not."""
+from __future__ import annotations
+
+from finding import find, only, samples
+import numpy as np
+import pytest
+from qflsd_ros.core import DivisionModel
+from rendering import disk, off_circle, off_line, polygon, render, through_lens
+
+WIDTH = 400
+LEVEL = 40.3        # y of the edge that has a gap
+
+
+def interrupted(gap: float, faint: float = 0.0) -> np.ndarray:
+    """Return a bright half plane with a dark slot in it, in which the edge is ``faint`` strong."""
+    left, right = (WIDTH - gap) / 2, (WIDTH + gap) / 2
+    gray = render((80, WIDTH), lambda u, v: np.maximum(
+        polygon([(-99, LEVEL), (left, LEVEL), (left, 999), (-99, 999)])(u, v),
+        polygon([(right, LEVEL), (999, LEVEL), (999, 999), (right, 999)])(u, v)))
+    slot = slice(round(left) + 2, round(right) - 1)
+    gray[round(LEVEL):, slot] = np.maximum(gray[round(LEVEL):, slot], 60 + faint)
+    return gray
+
+
+def level(gray: np.ndarray, **parameters: float) -> list[float]:
+    """Return the lengths of the arcs along the edge that has a gap."""
+    table = find(gray, **parameters).table
+    on = np.abs(table['middle'][:, 1] - LEVEL) < 1
+    return sorted(table['length'][on])
+
+
+@pytest.mark.parametrize('max_gap', [10, 20])
+@pytest.mark.parametrize('share', [0.3, 0.6, 0.85])
+def test_a_gap_is_bridged_up_to_max_gap(max_gap, share):
+    length, = level(interrupted(share * max_gap), max_gap=max_gap)
+    assert length > WIDTH - 5
+
+
+@pytest.mark.parametrize('max_gap', [0, 10, 20])
+@pytest.mark.parametrize('beyond', [2, 10])
+def test_a_gap_is_not_bridged_beyond_max_gap(max_gap, beyond):
+    gap = max_gap + beyond
+    first, second = level(interrupted(gap), max_gap=max_gap)
+    assert first + second < WIDTH - gap + 5
+
+
+def test_what_lies_in_a_wide_gap_counts():
+    # The pieces are 170 px long: 60 px of nothing leave it open whether they belong together.
+    settings = {'max_gap': 100, 'contrast_low': 15, 'contrast_high': 20}
+    assert len(level(interrupted(60), **settings)) == 2
+    assert len(level(interrupted(60, faint=4), **settings)) == 1
+
+
+@pytest.mark.parametrize('radius', [150, 400])
+def test_an_arc_behind_a_post_is_one(radius):
+    gray = render((200, 240), disk(119.5, radius + 40, radius))
+    gray[:, 110:122] = 200
+    arcs = find(gray)
+    longest = int(np.argmax(arcs.table['length']))
+    points = samples(arcs, longest)
+    assert points[:, 0].min() < 12 and points[:, 0].max() > 227
+    assert np.abs(off_circle(points, 119.5, radius + 40, radius)).max() < 0.5
+
+
+@pytest.mark.parametrize('shift', [3.0, 8.0])
+def test_pieces_beside_each_other_are_two(shift):
+    gray = render((80, WIDTH), lambda u, v: np.where(u < 200, v - LEVEL, v - LEVEL - shift))
+    lengths = sorted(find(gray).table['length'])
+    assert len(lengths) >= 2 and lengths[-1] < 0.6 * WIDTH
+
+
+@pytest.mark.parametrize('bend', [10, 25])
+def test_pieces_in_two_directions_are_two(bend):
+    slope = np.tan(np.radians(bend))
+    gray = render((160, WIDTH), lambda u, v: v - 40 - np.where(u > 200, (u - 200) * slope, 0))
+    gray[:, 195:205] = 60
+    lengths = find(gray).table['length']
+    assert lengths.max() < 0.65 * WIDTH
+
+
+def squares(count: int, size: float, x: float, y: float, angle: float):
+    """Return a chessboard of count x count squares with its first corner at (x, y)."""
+    c, s = np.cos(angle), np.sin(angle)
+
+    def wave(t: np.ndarray) -> np.ndarray:
+        return np.where(np.floor(t) % 2 == 0, 1, -1) * (0.5 - np.abs(t % 1 - 0.5)) * size
+
+    def region(u: np.ndarray, v: np.ndarray) -> np.ndarray:
+        p, q = (c * (u - x) + s * (v - y)) / size, (c * (v - y) - s * (u - x)) / size
+        a, b = wave(p), wave(q)
+        inner = np.where(a * b > 0, 1, -1) * np.minimum(np.abs(a), np.abs(b))
+        border = size * np.minimum(np.minimum(p, count - p), np.minimum(q, count - q))
+        return np.minimum(inner, border)
+    return region
+
+
+@pytest.mark.parametrize('lam', [0.0, -0.4])
+@pytest.mark.parametrize('angle', [0.05, 0.25])
+def test_the_lines_of_a_chessboard_run_across_its_squares(lam, angle):
+    lens = DivisionModel(lam, (300, 400))
+    board = squares(8, 35, 100, 10, angle)
+    arcs = find(render(lens.shape, through_lens(board, lens)))
+    along = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    for direction, across in (along, along[::-1]):
+        for k in range(1, 8):
+            start = np.array([100, 10]) + 35 * k * across
+            heading = np.arctan2(direction[1], direction[0])
+            off = [np.abs(off_line(lens.undistort(samples(arcs, i)), *start, heading)).max()
+                   for i in range(len(arcs))]
+            best = int(np.argmin(off))
+            assert off[best] < 1
+            ends = lens.undistort(samples(arcs, best)[[0, -1]])
+            assert np.hypot(*(ends[1] - ends[0])) > 0.9 * 8 * 35 or _leaves(lens, start, direction)
+            assert arcs.table['polarity'][best] < 0.2
+
+
+def _leaves(lens: DivisionModel, start: np.ndarray, direction: np.ndarray) -> bool:
+    """Return whether a line of the board is not wholly inside the image."""
+    ends = lens.distort(start + np.outer([0, 8 * 35], direction))
+    height, width = lens.shape
+    return bool(((ends < 3) | (ends > (width - 4, height - 4))).any())
+
+
+def test_joined_arcs_are_described_as_one():
+    gray = interrupted(12)
+    arcs = find(gray)
+    on = int(np.argmax(arcs.table['length']))
+    whole, row = arcs.points(on), arcs.table[on]
+    assert row['support'] == len(whole) > 370
+    assert (np.diff(whole[:, 0]) * np.sign(whole[-1, 0] - whole[0, 0]) > 0).all()
+    assert not ((whole[:, 0] > 196) & (whole[:, 0] < 203)).any()
+    assert row['polarity'] == 1
+
+
+def test_a_plain_edge_is_one_arc_without_joining_too():
+    assert only(find(render((80, WIDTH), lambda u, v: v - LEVEL), max_gap=0))['length'] > 395

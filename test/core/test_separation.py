@@ -1,0 +1,63 @@
+"""Of parallel arcs on top of each other the longest; what lies apart or crosses stays."""
+from __future__ import annotations
+
+from finding import find
+import numpy as np
+import pytest
+from rendering import disk, half_plane, render
+
+SHAPE = (160, 200)
+
+
+def stroke(region, width: float):
+    """Return what lies within half a width of a region's edge."""
+    return lambda u, v: width / 2 - np.abs(region(u, v))
+
+
+@pytest.mark.parametrize('angle', np.radians([0, 20, 45, 70, 90]))
+def test_a_thin_line_is_one_arc_or_two(angle):
+    gray = render(SHAPE, stroke(half_plane(99.5, 79.5, angle), 2))
+    assert len(find(gray, min_distance=5.0)) == 1
+    both = find(gray, min_distance=0.0).table
+    assert np.count_nonzero(both['length'] > 0.8 * both['length'].max()) >= 2
+
+
+@pytest.mark.parametrize('angle', np.radians([0, 20, 45, 70, 90]))
+def test_a_wide_line_is_two_arcs(angle):
+    arcs = find(render(SHAPE, stroke(half_plane(99.5, 79.5, angle), 10)), min_distance=5.0)
+    assert len(arcs) == 2
+
+
+@pytest.mark.parametrize('radius', [130, 200, 400])
+def test_a_thin_arc_is_one(radius):
+    # The ring's inner and outer edge, over up to a third of a turn.
+    gray = render(SHAPE, stroke(disk(99.5, 20 + radius, radius), 2))
+    arcs = find(gray, min_distance=5.0)
+    assert len(arcs) == 1
+
+
+@pytest.mark.parametrize('radius', [165, 180, 220, 300])
+def test_a_bent_edge_is_one_arc(radius):
+    # Where it runs at 45 degrees it is found two pixels wide.
+    arcs = find(render((240, 320), disk(159.5, 20.3 + radius, radius)))
+    assert len(arcs) == 1
+
+
+def test_of_two_the_longer_is_left():
+    gray = render(SHAPE, stroke(half_plane(99.5, 79.5, 0), 2))
+    gray[60:78, 40:60] = gray[0, 0]
+    gray[70:78, 40:90] = gray[0, 0]
+    assert find(gray, min_distance=5.0).table['length'].max() > 190
+
+
+def test_arcs_that_cross_stay():
+    gray = render(SHAPE, lambda u, v: half_plane(99.5, 79.5, 0.1)(u, v)
+                  * half_plane(99.5, 79.5, 0.5)(u, v))
+    assert np.count_nonzero(find(gray, min_distance=5.0).table['length'] > 150) == 2
+
+
+def test_pieces_of_one_line_stay():
+    gray = render(SHAPE, half_plane(99.5, 79.5, 0))
+    gray[:, 80:120] = 60
+    arcs = find(gray, max_gap=0, min_distance=5.0)
+    assert np.count_nonzero(np.abs(arcs.table['middle'][:, 1] - 79.5) < 1) == 2
