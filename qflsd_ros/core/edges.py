@@ -111,7 +111,9 @@ def locate(dx: np.ndarray, dy: np.ndarray, magnitude: np.ndarray, width: int,
     Find the subpixel positions of edge pixels, after Devernay, and the gradients there.
 
     The gradient's magnitude at the pixel and at its two neighbours along x or y, whichever is
-    closer to the gradient, is taken for a parabola; its maximum lies on the edge.
+    closer to the gradient, is taken for a parabola; its maximum lies on the edge.  Where the
+    gradient is oblique, the pixel that is largest across the edge may have a larger neighbour in
+    that direction; the parabola is then taken around that one, up to a pixel away.
 
     Parameters
     ----------
@@ -125,17 +127,22 @@ def locate(dx: np.ndarray, dy: np.ndarray, magnitude: np.ndarray, width: int,
         (4, E) float32, takes the positions x and y, px, and the gradient in grey levels.
 
     """
-    half, scale = np.float32(0.5), np.float32(1 / SOBEL_GAIN)
+    half, one, scale = np.float32(0.5), np.float32(1), np.float32(1 / SOBEL_GAIN)
     for i in range(n):
         at = ys[i] * width + xs[i]
         gx, gy = np.float32(dx[at]), np.float32(dy[at])
         across_x = abs(gx) >= abs(gy)
         step = 1 if across_x else width
         a, b, c = magnitude[at - step], magnitude[at], magnitude[at + step]
+        shift = 0
+        if a > b and at >= 2 * step:
+            shift, a, b, c = -1, magnitude[at - 2 * step], a, b
+        elif c > b and at + 2 * step < len(magnitude):
+            shift, a, b, c = 1, b, c, magnitude[at + 2 * step]
         bend = a - 2 * b + c
         offset = np.float32(0)
         if bend < 0:
-            offset = min(max(half * (a - c) / bend, -half), half)
+            offset = min(max(half * (a - c) / bend + shift, -one), one)
         points[0, i] = xs[i] + (offset if across_x else np.float32(0))
         points[1, i] = ys[i] + (np.float32(0) if across_x else offset)
         points[2, i], points[3, i] = scale * gx, scale * gy

@@ -21,7 +21,7 @@ ALIGNED = math.cos(math.radians(11.25))
 CHANCE, CHANCE_BUSY = 0.1, 0.5          # of alignment: at least, and more in busy surroundings
 BUSY = 0.5                              # of an arc's contrast: what is strong in its surroundings
 BESIDE = (-8.0, -4.0, 4.0, 8.0)         # px from the arc, where surroundings are looked at
-EVERY = 3                               # edge points from one look to the next
+EVERY = 6                               # edge points from one look to the next
 
 
 @compiled
