@@ -34,7 +34,7 @@ def test_an_arc_is_found_whole_and_in_place(magnitude, angle, offset, noise, see
     row = only(arcs)
     points = samples(arcs, 0)
     assert np.abs(off_circle(points, x, y, radius)).max() < 0.3
-    assert np.isclose(row['curvature'], 1 / radius, rtol=0.02, atol=3e-5)
+    assert np.isclose(row['curvature'], 1 / radius, rtol=0.02, atol=1e-5)
     turn = angle + np.pi + np.linspace(-1, 1, 10_000) * min(np.pi, 300 / radius)
     truth = inside(SHAPE, np.c_[x + radius * np.cos(turn), y + radius * np.sin(turn)], 0.5)
     assert np.isclose(row['length'], len(truth) * radius * (turn[1] - turn[0]), rtol=0, atol=8)
