@@ -61,10 +61,10 @@ setup(
     },
     entry_points={
         'console_scripts': [
-            f'camera = {NAME}.ros.camera:main',
+            f'camera = {NAME}.ros.__main__:camera',
             f'demo = {NAME}.cli.demo:main',
             f'detect = {NAME}.cli.detect:main',
-            f'detector = {NAME}.ros.detector:main',
+            f'detector = {NAME}.ros.__main__:detector',
         ],
     },
 )

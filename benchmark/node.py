@@ -92,7 +92,7 @@ def client() -> Iterator[Client]:
     context = Context()
     rclpy.init(args=[], context=context, domain_id=domain)
     try:
-        with Processes({'detector': (sys.executable, '-m', 'qflsd_ros.ros.detector')}):
+        with Processes({'detector': (sys.executable, '-m', 'qflsd_ros.ros', 'detector')}):
             yield Client(context)
     finally:
         rclpy.try_shutdown(context=context)

@@ -83,12 +83,12 @@ def shows_stills(source: str | None) -> bool:
 
 def commands(source: str | None) -> dict[str, list[str]]:
     """Return the command lines of camera and detector."""
-    camera = [sys.executable, '-m', 'qflsd_ros.ros.camera', '--ros-args']
+    camera = [sys.executable, '-m', 'qflsd_ros.ros', 'camera', '--ros-args']
     if source is not None:
         camera += ['-p', f'source:={json.dumps(source)}']  # quoted: a number is no index else
     if shows_stills(source):
         camera += ['-p', f'rate:={STILLS_RATE}']
-    return {'camera': camera, 'detector': [sys.executable, '-m', 'qflsd_ros.ros.detector']}
+    return {'camera': camera, 'detector': [sys.executable, '-m', 'qflsd_ros.ros', 'detector']}
 
 
 def await_result(executor: Executor, observer: Observer, processes: Processes) -> None:

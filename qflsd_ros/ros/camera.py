@@ -10,20 +10,16 @@ from array import array
 from collections.abc import Iterator
 from dataclasses import dataclass
 import itertools
-import signal
-import sys
 import time
 from typing import Callable
 
 from builtin_interfaces.msg import Time
 from qflsd_ros.core.parameters import check, parameter
 from qflsd_ros.ros import parameters
-from qflsd_ros.ros.parameters import ParameterError
-from qflsd_ros.sources import Frame, open_source, Scene, SceneFrames, Source, SourceError
-import rclpy
+from qflsd_ros.ros.run import run
+from qflsd_ros.sources import Frame, open_source, Scene, SceneFrames, Source
 from rclpy.duration import Duration
-from rclpy.exceptions import NotInitializedException, ParameterException
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
@@ -108,7 +104,7 @@ class CameraNode(Node):
             qos_overriding_options=QoSOverridingOptions.with_default_policies())
         self._source = open_camera(self._settings, self.get_logger().warning)
 
-    def play(self) -> None:
+    def run(self) -> None:
         """Publish the source's frames when they are due, and answer services in between."""
         executor = SingleThreadedExecutor(context=self.context)
         executor.add_node(self)
@@ -164,39 +160,6 @@ def open_camera(settings: CameraParameters, report: Callable[[str], None]) -> So
     return open_source(settings.source, colour, settings.topic, settings.rate, report)
 
 
-def start(args: list[str] | None = None) -> CameraNode:
-    """Initialise ROS and return the node; ParameterError where an argument cannot be used."""
-    # Left to rclpy alone, SIGINT ends the node as SIGTERM does; Python would break in anywhere.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        rclpy.init(args=args)
-    except RuntimeError as error:
-        raise ParameterError(f'{type(error).__name__}: {error}') from error
-    try:
-        return CameraNode()
-    except (ParameterException, RuntimeError) as error:
-        if not rclpy.ok():
-            raise ExternalShutdownException from error
-        raise ParameterError(f'{type(error).__name__}: {error}') from error
-
-
-def main(args: list[str] | None = None) -> int:
+def main() -> int:
     """Run the node until SIGINT, SIGTERM or the source's end; return the exit code."""
-    try:
-        start(args).play()
-    except (ParameterError, SourceError) as error:
-        print(f'camera: {error}', file=sys.stderr)
-        return 2
-    except RuntimeError:
-        if rclpy.ok():
-            raise
-        # The signal came while an image was being published.
-    except (ExternalShutdownException, NotInitializedException):
-        pass  # NotInitializedException: the signal came before the node was there.
-    finally:
-        rclpy.try_shutdown()
-    return 0
-
-
-if __name__ == '__main__':
-    sys.exit(main())
+    return run('camera', CameraNode)

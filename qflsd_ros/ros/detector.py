@@ -7,9 +7,6 @@ so results never grow old, and every image left out is counted.
 """
 from __future__ import annotations
 
-from contextlib import closing
-import signal
-import sys
 from threading import Thread
 import time
 import traceback
@@ -25,14 +22,13 @@ from qflsd_ros.ros.errors import FrameError
 from qflsd_ros.ros.lazy import LazySubscription
 from qflsd_ros.ros.markers import markers
 from qflsd_ros.ros.parameters import NodeParameters, ParameterError
+from qflsd_ros.ros.run import run
 from qflsd_ros.ros.slot import Slot
 from qflsd_ros.ros.view import read_mask, reduced, view, ViewError
 import rclpy
 from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import (
     PublisherEventCallbacks, QoSMessageLostInfo, SubscriptionEventCallbacks)
-from rclpy.exceptions import NotInitializedException, ParameterException
-from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -121,8 +117,7 @@ class DetectorNode(Node):
     def __init__(self) -> None:
         super().__init__('detector')
         parameters.attach(self, (Parameters, NodeParameters), self._apply)
-        if mask := self._active[1].mask:
-            read_mask(mask)
+        self._read_mask()
         self._active[0].warm_up()
         self._statistics = Statistics()
         self._last_log: dict[str, float] = {}
@@ -140,11 +135,22 @@ class DetectorNode(Node):
         self._worker = Thread(target=self._work, name='detection', daemon=True)
         self._worker.start()
 
-    def close(self) -> None:
-        """End the detection thread, unless a frame takes it too long, then the node."""
-        self._slot.close()
-        self._worker.join(CLOSE_TIMEOUT)
-        self.destroy_node()
+    def run(self) -> None:
+        """Work until the node is shut down."""
+        try:
+            rclpy.spin(self)
+        finally:
+            self._slot.close()
+            self._worker.join(CLOSE_TIMEOUT)  # unless a frame takes it too long
+            self.destroy_node()
+
+    def _read_mask(self) -> None:
+        """Read the mask now, if there is one: later, nobody can make the node read a file."""
+        if path := self._active[1].mask:
+            try:
+                read_mask(path)
+            except ViewError as error:
+                raise ParameterError(f'parameter {error}') from error
 
     @property
     def _image_topic(self) -> str:
@@ -250,38 +256,6 @@ class DetectorNode(Node):
         self._diagnostics.publish(message)
 
 
-def start(args: list[str] | None = None) -> DetectorNode:
-    """Initialise ROS and return the node; ParameterError where an argument cannot be used."""
-    # Left to rclpy alone, SIGINT ends the node as SIGTERM does; Python would break in anywhere.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        rclpy.init(args=args)
-    except RuntimeError as error:
-        raise ParameterError(f'{type(error).__name__}: {error}') from error
-    try:
-        return DetectorNode()
-    except ViewError as error:
-        raise ParameterError(f'parameter {error}') from error
-    except (ParameterException, RuntimeError) as error:
-        if not rclpy.ok():
-            raise ExternalShutdownException from error
-        raise ParameterError(f'{type(error).__name__}: {error}') from error
-
-
-def main(args: list[str] | None = None) -> int:
+def main() -> int:
     """Run the node until SIGINT or SIGTERM; return the exit code."""
-    try:
-        with closing(start(args)) as node:
-            rclpy.spin(node)
-    except ParameterError as error:
-        print(f'detector: {error}', file=sys.stderr)
-        return 2
-    except (ExternalShutdownException, NotInitializedException):
-        pass  # NotInitializedException: the signal came before the node was there.
-    finally:
-        rclpy.try_shutdown()
-    return 0
-
-
-if __name__ == '__main__':
-    sys.exit(main())
+    return run('detector', DetectorNode)

@@ -21,7 +21,7 @@ from visualization_msgs.msg import MarkerArray
 if TYPE_CHECKING:
     from conftest import Peer, Process
 
-NODE = ('-m', 'qflsd_ros.ros.detector', '--ros-args')
+NODE = ('-m', 'qflsd_ros.ros', 'detector', '--ros-args')
 TYPES = {'segments': PointCloud2, 'arcs': PointCloud2, 'markers': MarkerArray, 'overlay': Image,
          'planes': PointCloud2}
 stamps = itertools.count(1000)

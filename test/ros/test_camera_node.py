@@ -26,7 +26,7 @@ BEST_EFFORT, RELIABLE = ReliabilityPolicy.BEST_EFFORT, ReliabilityPolicy.RELIABL
 
 def start(peer: Peer, *parameters: str, **environment: str) -> Process:
     arguments = [part for parameter in parameters for part in ('-p', parameter)]
-    return peer.run('-m', 'qflsd_ros.ros.camera', '--ros-args', *arguments, **environment)
+    return peer.run('-m', 'qflsd_ros.ros', 'camera', '--ros-args', *arguments, **environment)
 
 
 def receive(peer: Peer, count: int, reliability: ReliabilityPolicy = BEST_EFFORT,
