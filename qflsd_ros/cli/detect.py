@@ -104,11 +104,11 @@ def outcomes(pictures: Iterable[Picture], parameters: Parameters, folder: Path,
         yield from (future.result() for future in as_completed(running))
 
 
-def readable(files: list[Path], complain: Report) -> Iterator[Picture]:
-    """Return the pictures of all files; complain about videos that cannot be read."""
+def readable(files: list[Path], topic: str, complain: Report, tell: Report) -> Iterator[Picture]:
+    """Return the pictures of all files; complain about videos and bags that cannot be read."""
     for path, name in zip(files, inputs.names(files)):
         try:
-            yield from inputs.pictures(path, name, complain)
+            yield from inputs.pictures(path, name, topic, complain, tell)
         except SourceError as error:
             complain(str(error))
 
@@ -126,6 +126,8 @@ def parser() -> argparse.ArgumentParser:
                         help='folder of the results (default: %(default)s)')
     result.add_argument('--jobs', type=int, default=1, metavar='N',
                         help='number of processes (default: %(default)s)')
+    result.add_argument('--topic', default='', metavar='TOPIC',
+                        help='topic of rosbag2s to read (default: the first with images)')
     result.add_argument('--params', type=Path, metavar='FILE',
                         help='ROS parameter file, as config/detector.yaml')
     settings.add_flags(result)
@@ -156,20 +158,25 @@ def check(arguments: argparse.Namespace, files: list[Path]) -> None:
         raise SettingsError(f'--output {str(folder)!r}: {error.strerror}') from error
 
 
-def run(files: list[Path], missing: list[str], parameters: Parameters, folder: Path,
-        jobs: int) -> int:
+def run(files: list[Path], missing: list[str], parameters: Parameters,
+        arguments: argparse.Namespace) -> int:
     """Work on all files, say what came of it, and return the exit code."""
     begin, done, errors = time.perf_counter(), [], []
-    total = sum(map(inputs.count, files))
+    folder, topic, jobs = arguments.output, arguments.topic, arguments.jobs
+    total = sum(inputs.count(path, topic) for path in files)
     with Recordings(folder) as bags, tqdm(
             total=total, unit='image', disable=True if total == 1 else None) as progress:
+        def tell(text: str) -> None:
+            progress.write(f'detect: {text}', file=sys.stderr)
+
         def complain(text: str) -> None:
             errors.append(text)
-            progress.write(f'detect: {text}', file=sys.stderr)
+            tell(text)
 
         for argument in missing:
             complain(f'{argument!r}: no such file, and no file matches it')
-        for outcome in outcomes(readable(files, complain), parameters, folder, jobs):
+        for outcome in outcomes(readable(files, topic, complain, tell), parameters, folder,
+                                jobs):
             progress.update()
             if outcome.error:
                 complain(outcome.error)
@@ -195,7 +202,7 @@ def main(args: list[str] | None = None) -> int:
         print(f'detect: {error}', file=sys.stderr)
         return USAGE
     try:
-        return run(files, missing, parameters, arguments.output, arguments.jobs)
+        return run(files, missing, parameters, arguments)
     except KeyboardInterrupt:
         print('detect: interrupted; what is written is whole', file=sys.stderr)
         return INTERRUPTED

@@ -10,10 +10,9 @@ from typing import Iterable, Iterator, NamedTuple
 import cv2
 import numpy as np
 from qflsd_ros.ros import images
-from qflsd_ros.ros.errors import FrameError
 from qflsd_ros.sources.bag import Bag, STORAGE_SUFFIXES
 from qflsd_ros.sources.files import IMAGE_SUFFIXES, natural_order, read_image
-from qflsd_ros.sources.frames import Report, SourceError
+from qflsd_ros.sources.frames import FrameError, Report, report_by_log, SourceError
 from qflsd_ros.sources.video import quiet_capture, Video
 
 # In a folder, these are taken for videos; a file named on its own is one unless it is an image.
@@ -88,13 +87,13 @@ def _expand(argument: str) -> Iterator[Path]:
             yield match
 
 
-def count(path: Path) -> int:
+def count(path: Path, topic: str) -> int:
     """Return the number of pictures in a file; of a video or rosbag2, what it says of itself."""
     if _is_image(path):
         return 1
     if is_bag(path):
         try:
-            return Bag(path, '', lambda _: None).count
+            return Bag(path, topic, report_by_log).count
         except SourceError:
             return 0
     return max(0, int(quiet_capture(str(path)).get(cv2.CAP_PROP_FRAME_COUNT)))
@@ -142,25 +141,29 @@ def _numbered(wanted: list[str]) -> list[str]:
     return result
 
 
-def pictures(path: Path, name: str, report: Report) -> Iterator[Picture]:
+def pictures(path: Path, name: str, topic: str, report: Report, tell: Report) -> Iterator[Picture]:
     """
     Return the picture of an image file, or the frames of a video or rosbag2 in order.
 
-    Frames are called ``name/000000`` and so on; what cannot be read of them is reported.
-    Raises SourceError where a video or rosbag2 as a whole cannot be read.
+    Frames are called ``name/000000`` and so on; ``topic`` is that of a rosbag2, empty for the
+    first with images.  ``report`` is called with what cannot be read, ``tell`` with what else
+    there is to know.  Raises SourceError where a video or rosbag2 as a whole cannot be read.
     """
     if _is_image(path):
         yield Picture(path, name)
     elif is_bag(path):
-        yield from _recorded(path, name, report)
+        bag = Bag(path, topic, report)
+        if bag.note:
+            tell(f'{bag.note}: choose by --topic')
+        yield from _recorded(path, name, bag, report)
     else:
         for number, frame in enumerate(Video(path, True, report)):
             pixels = np.frombuffer(frame.data, np.uint8).reshape(frame.height, frame.width, 3)
             yield Picture(path, f'{name}/{number:06d}', number, pixels)
 
 
-def _recorded(path: Path, name: str, report: Report) -> Iterator[Picture]:
-    for number, frame in enumerate(Bag(path, '', report)):
+def _recorded(path: Path, name: str, bag: Bag, report: Report) -> Iterator[Picture]:
+    for number, frame in enumerate(bag):
         try:
             pixels = cv2.cvtColor(images.read(frame), cv2.COLOR_GRAY2BGR)
         except FrameError as error:

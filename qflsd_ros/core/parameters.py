@@ -10,7 +10,10 @@ from dataclasses import dataclass
 import math
 from typing import Any
 
+import numpy as np
+
 METHODS = ('arcs', 'paper')
+LONGEST = 64        # bits of an integer that is worth printing
 
 
 def parameter(default: Any, description: str, unit: str = '',
@@ -31,8 +34,9 @@ def check(owner: Any) -> None:
     """
     Check every field of a dataclass made of :func:`parameter` fields, converting int to float.
 
-    Raises ``TypeError`` for a value of another type than the default's and ``ValueError`` for one
-    out of range; both name the field, the value and what would be right.
+    Scalars of numpy become those of Python.  Raises ``TypeError`` for a value of another type than
+    the default's and ``ValueError`` for one out of range; both name the field, the value and what
+    would be right.
     """
     for field in dataclasses.fields(owner):
         value = _of_type(field, getattr(owner, field.name))
@@ -47,8 +51,13 @@ def check(owner: Any) -> None:
 
 def _of_type(field: dataclasses.Field[Any], value: Any) -> Any:
     wanted = type(field.default)
-    if wanted is float and isinstance(value, int) and not isinstance(value, bool):
-        value = float(value)
+    if isinstance(value, np.generic):
+        value = value.item()
+    if type(value) is int and wanted in (int, float):
+        if value.bit_length() > LONGEST:
+            raise ValueError(f'{field.name} is an integer of {value.bit_length()} bits: must lie '
+                             f'in {field.metadata["low"]} to {field.metadata["high"]}')
+        value = wanted(value)
     if type(value) is not wanted:
         raise TypeError(f'{field.name} is {value!r}, of type {type(value).__name__}: '
                         f'must be of type {wanted.__name__}')

@@ -3,7 +3,7 @@ from __future__ import annotations
 
 import numpy as np
 from qflsd_ros.core.lens import Lens
-from qflsd_ros.ros.errors import FrameError
+from qflsd_ros.sources.frames import FrameError
 from sensor_msgs.msg import CameraInfo
 
 
@@ -33,15 +33,43 @@ def lens(info: CameraInfo | None, topic: str, height: int, width: int) -> Lens:
     if info is None:
         raise CalibrationError('no camera_info', f'no camera_info has come on {topic}: '
                                'there are no planes without it')
-    if (info.width, info.height) != (width, height):
+    if size(info) != (width, height):
         raise CalibrationError(
-            'camera_info of another size', f'camera_info on {topic} is of images of {info.width} '
-            f'x {info.height} pixels: must be of {width} x {height}, as the image')
+            'camera_info of another size', f'camera_info on {topic} is of images of '
+            f'{" x ".join(map(str, size(info)))} pixels: must be of {width} x {height}, as the '
+            'image')
     try:
-        return Lens(info.distortion_model, np.reshape(info.k, (3, 3)), np.array(info.d))
+        return Lens(info.distortion_model, matrix(info), np.array(info.d))
     except ValueError as error:
         raise CalibrationError('camera_info of no use', f'camera_info on {topic}: {error}') \
             from error
+
+
+def size(info: CameraInfo) -> tuple[int, int]:
+    """Return width and height, px, of the images of a camera: of its region, after binning."""
+    columns, rows = binning(info)
+    region = info.roi
+    return ((region.width or info.width) // columns, (region.height or info.height) // rows)
+
+
+def matrix(info: CameraInfo) -> np.ndarray:
+    """
+    Return the matrix K, (3, 3) float64, for the pixels of the images.
+
+    What CameraInfo holds is for the whole image without binning.  A binned pixel combines a
+    rectangle of pixels, and its coordinates are those of the rectangle's centre.
+    """
+    result = np.reshape(info.k, (3, 3)).astype(float)
+    offset = info.roi.x_offset, info.roi.y_offset
+    for axis, (first, pixels) in enumerate(zip(offset, binning(info))):
+        result[axis, 2] -= first + (pixels - 1) / 2
+        result[axis] /= pixels
+    return result
+
+
+def binning(info: CameraInfo) -> tuple[int, int]:
+    """Return how many columns and rows make a pixel; 0 in the message stands for 1."""
+    return info.binning_x or 1, info.binning_y or 1
 
 
 def topic_of(image_topic: str) -> str:

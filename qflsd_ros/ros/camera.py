@@ -103,6 +103,8 @@ class CameraNode(Node):
             Image, 'image', QoSProfile(depth=5, reliability=ReliabilityPolicy.RELIABLE),
             qos_overriding_options=QoSOverridingOptions.with_default_policies())
         self._source = open_camera(self._settings, self.get_logger().warning)
+        if self._source.note:
+            self.get_logger().info(f'{self._source.note}: set topic to choose')
 
     def run(self) -> None:
         """Publish the source's frames when they are due, and answer services in between."""

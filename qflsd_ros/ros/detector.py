@@ -18,13 +18,14 @@ from qflsd_ros.core import Arcs, Detector, Parameters
 from qflsd_ros.core.planes import planes
 from qflsd_ros.ros import calibration, compressed, images, outputs, parameters
 from qflsd_ros.ros.diagnostics import Statistics
-from qflsd_ros.ros.errors import FrameError
 from qflsd_ros.ros.lazy import LazySubscription
 from qflsd_ros.ros.markers import markers
-from qflsd_ros.ros.parameters import NodeParameters, ParameterError
+from qflsd_ros.ros.node_parameters import check_together, NodeParameters
+from qflsd_ros.ros.parameters import ParameterError
 from qflsd_ros.ros.run import run
 from qflsd_ros.ros.slot import Slot
 from qflsd_ros.ros.view import read_mask, reduced, view, ViewError
+from qflsd_ros.sources.frames import FrameError
 import rclpy
 from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import (
@@ -116,7 +117,7 @@ class DetectorNode(Node):
 
     def __init__(self) -> None:
         super().__init__('detector')
-        parameters.attach(self, (Parameters, NodeParameters), self._apply)
+        parameters.attach(self, (Parameters, NodeParameters), self._apply, check_together)
         self._read_mask()
         self._active[0].warm_up()
         self._statistics = Statistics()

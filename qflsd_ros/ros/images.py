@@ -11,13 +11,13 @@ from typing import Callable, NamedTuple, TYPE_CHECKING
 
 import cv2
 import numpy as np
-from qflsd_ros.ros.errors import FrameError
+from qflsd_ros.sources.encoded import MAX_SIDE
+from qflsd_ros.sources.frames import FrameError
 
 if TYPE_CHECKING:
     from qflsd_ros.sources.frames import Frame
     from sensor_msgs.msg import Image
 
-MAX_SIDE = 32768  # px
 WHITE = {'u2': 65535.0, 'f4': 1.0}  # the white level of a type unless another is given
 
 

@@ -3,7 +3,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from qflsd_ros.core.parameters import check, parameter
+from qflsd_ros.core.parameters import check, parameter, Parameters
 from qflsd_ros.ros import palette
 
 
@@ -63,3 +63,15 @@ class NodeParameters:
     def __post_init__(self) -> None:
         """Check types and ranges."""
         check(self)
+
+    @property
+    def has_region(self) -> bool:
+        """Tell whether arcs are sought in a part of the image alone."""
+        return bool(self.mask or self.roi_x or self.roi_y or self.roi_width or self.roi_height)
+
+
+def check_together(detector: Parameters, node: NodeParameters) -> None:
+    """Raise ValueError where parameters of the detector and the node contradict each other."""
+    if detector.method == 'paper' and node.has_region:
+        raise ValueError("method is 'paper': must be 'arcs' with a mask or a region (roi_x, roi_y, "
+                         'roi_width, roi_height), of which the paper knows nothing')

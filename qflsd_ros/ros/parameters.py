@@ -49,7 +49,8 @@ def descriptor(field: dataclasses.Field[Any]) -> ParameterDescriptor:
     return result
 
 
-def attach(node: Node, kinds: Sequence[type], apply: Callable[..., None]) -> None:
+def attach(node: Node, kinds: Sequence[type], apply: Callable[..., None],
+           check: Callable[..., None] = lambda *_: None) -> None:
     """
     Declare the fields of dataclasses as parameters of a node, and follow every change of them.
 
@@ -64,6 +65,8 @@ def attach(node: Node, kinds: Sequence[type], apply: Callable[..., None]) -> Non
         Dataclasses made of ``parameter()`` fields.
     apply
         Called with an instance of each of ``kinds``, now and after every change.
+    check
+        Called with the same before that; raises ValueError where they contradict each other.
 
     Raises
     ------
@@ -73,6 +76,7 @@ def attach(node: Node, kinds: Sequence[type], apply: Callable[..., None]) -> Non
     """
     try:
         current = _replaced([kind() for kind in kinds], _given(node))
+        check(*current)
     except (TypeError, ValueError) as error:
         raise ParameterError(f'parameter {error}') from error
     for settings in current:
@@ -85,7 +89,7 @@ def attach(node: Node, kinds: Sequence[type], apply: Callable[..., None]) -> Non
 
     def validate(changes: list[RosParameter]) -> SetParametersResult:
         try:
-            _replaced(current, _values(changes))
+            check(*_replaced(current, _values(changes)))
         except (TypeError, ValueError) as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)

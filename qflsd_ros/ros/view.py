@@ -3,12 +3,14 @@ from __future__ import annotations
 
 from functools import cache, lru_cache
 import math
+from pathlib import Path
 from typing import NamedTuple
 
 import cv2
 import numpy as np
-from qflsd_ros.ros.errors import FrameError
 from qflsd_ros.ros.node_parameters import NodeParameters
+from qflsd_ros.sources.encoded import decode, DecodingError
+from qflsd_ros.sources.frames import FrameError
 
 WHITE = 128  # grey levels from which on a pixel of a mask file is white
 
@@ -73,13 +75,11 @@ def reduced(image: np.ndarray, factor: int) -> np.ndarray:
 def read_mask(path: str) -> np.ndarray:
     """Return an image file as a mask, (H, W) bool, read once; ViewError where that fails."""
     try:
-        with open(path, 'rb') as file:
-            data = np.frombuffer(file.read(), np.uint8)
-        gray = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if len(data) else None
-    except (OSError, cv2.error) as error:
-        raise ViewError('mask', f'mask {path!r} cannot be read: {error}') from error
-    if gray is None:
-        raise ViewError('mask', f'mask {path!r} cannot be read: must be an image file')
+        gray = decode(Path(path).read_bytes(), cv2.IMREAD_GRAYSCALE, repr(path))
+    except OSError as error:
+        raise ViewError('mask', f'mask {path!r}: {error.strerror}') from error
+    except DecodingError as error:
+        raise ViewError('mask', f'mask {error}') from error
     return gray >= WHITE
 
 

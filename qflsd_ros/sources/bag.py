@@ -14,6 +14,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+from qflsd_ros.sources.encoded import decode
 from qflsd_ros.sources.frames import Frame, Report, Source, SourceError
 from rosbags.interfaces import Connection
 from rosbags.rosbag2 import Reader
@@ -35,6 +36,10 @@ class Bag(Source):
 
     Attributes
     ----------
+    topic
+        The one that is read.
+    topics
+        All topics with images.
     count
         Number of messages on the topic, by what the bag says of itself.
 
@@ -45,9 +50,13 @@ class Bag(Source):
         self._path = path
         self._types = get_typestore(Stores.ROS2_JAZZY)
         with self._open() as reader:
-            self._topic = self._choose(reader.connections, topic)
+            self.topics = self._image_topics(reader.connections, topic)
+            self.topic = topic or self.topics[0]
+            if not topic and len(self.topics) > 1:
+                self.note = (f'{self.name}: reads {self.topic}, the first of its image topics '
+                             f'{", ".join(self.topics)}')
             self.count = sum(connection.msgcount for connection in reader.connections
-                             if connection.topic == self._topic)
+                             if connection.topic == self.topic)
 
     @contextmanager
     def _open(self) -> Iterator[Reader]:
@@ -62,26 +71,23 @@ class Bag(Source):
         finally:
             reader.close()
 
-    def _choose(self, connections: list[Connection], topic: str) -> str:
-        """Return the wanted topic, or the first with images if none is named."""
+    def _image_topics(self, connections: list[Connection], wanted: str) -> list[str]:
+        """Return all topics with images; SourceError where none has, or the wanted one has not."""
         types = {connection.topic: connection.msgtype for connection in connections}
         images = [name for name, kind in types.items() if kind in (RAW, COMPRESSED)]
         if not images:
             raise SourceError(f'{self.name}: no topic of type {RAW} or {COMPRESSED} in this bag, '
                               f'only {", ".join(sorted(set(types.values()))) or "none at all"}')
-        if topic and topic not in images:
-            what = f'is of type {types[topic]}' if topic in types else 'is not in this bag'
-            raise SourceError(f'{self.name}: topic {topic} {what}: must be one of its image '
+        if wanted and wanted not in images:
+            what = f'is of type {types[wanted]}' if wanted in types else 'is not in this bag'
+            raise SourceError(f'{self.name}: topic {wanted} {what}: must be one of its image '
                               f'topics, {", ".join(images)}')
-        if not topic and len(images) > 1:
-            self._report(f'{self.name}: plays {images[0]}, the first of its image topics '
-                         f'{", ".join(images)}')
-        return topic or images[0]
+        return images
 
     def _frames(self) -> Iterator[Frame]:
         with self._open() as reader:
             wanted = [connection for connection in reader.connections
-                      if connection.topic == self._topic]
+                      if connection.topic == self.topic]
             messages, count = reader.messages(wanted), 0
             while True:
                 try:
@@ -89,30 +95,32 @@ class Bag(Source):
                 except StopIteration:
                     return
                 except Exception as error:
-                    self._skip(f'{self.name}: ends after {count} messages on {self._topic}: '
+                    self._skip(f'{self.name}: ends after {count} messages on {self.topic}: '
                                f'it is damaged or was cut short: {_one_line(error)}')
                     return
                 count += 1
                 try:
                     message = self._types.deserialize_cdr(data, connection.msgtype)
                     yield _frame(message, connection.msgtype, str(recorded), recorded)
-                except (AssertionError, ValueError, SerdeError, struct.error, cv2.error) as error:
-                    self._skip(f'{self.name}: message of {recorded} on {self._topic} cannot be '
+                except (AssertionError, ValueError, SerdeError, struct.error) as error:
+                    self._skip(f'{self.name}: message of {recorded} on {self.topic} cannot be '
                                f'read: {_one_line(error)}')
 
 
 def _frame(message: Any, kind: str, name: str, recorded: int) -> Frame:
     """Make a frame of a deserialised Image or CompressedImage."""
     stamp = message.header.stamp
+    if stamp.nanosec >= 10**9:
+        raise ValueError(f'its stamp has {stamp.nanosec} ns: must have less than a second of them')
     times = {'stamp': stamp.sec * 10**9 + stamp.nanosec, 'recorded': recorded,
              'frame_id': message.header.frame_id}
     if kind == RAW:
         return Frame(name, message.height, message.width, message.encoding,
                      bool(message.is_bigendian), message.step, message.data.tobytes(), **times)
-    image = cv2.imdecode(message.data, cv2.IMREAD_UNCHANGED)
-    if image is None:
-        raise ValueError(f'not a compressed image of format {message.format!r}')
+    image = decode(message.data.tobytes(), cv2.IMREAD_UNCHANGED, f'format {message.format!r}')
     channels = image.shape[2] if image.ndim == 3 else 1
+    if (image.dtype, channels) not in ENCODINGS:
+        raise ValueError(f'compressed image of {channels} channels of type {image.dtype}')
     return Frame.of(image, ENCODINGS[image.dtype, channels], name, **times)
 
 

@@ -8,6 +8,7 @@ import re
 import cv2
 import numpy as np
 
+from qflsd_ros.sources.encoded import decode, DecodingError
 from qflsd_ros.sources.frames import Frame, Report, Source, SourceError
 
 IMAGE_SUFFIXES = ('.bmp', '.jpeg', '.jpg', '.pgm', '.png', '.ppm', '.tif', '.tiff', '.webp')
@@ -64,16 +65,15 @@ def read_image(path: Path, colour: bool) -> np.ndarray:
     """Read an image as the sensor saw it, (H, W) or in colour (H, W, 3) B, G, R uint8."""
     flag = cv2.IMREAD_COLOR if colour else cv2.IMREAD_GRAYSCALE
     try:
+        if not path.is_file():  # reading a pipe or a device might never end
+            path.stat()
+            raise SourceError(f'{str(path)!r}: is no file')
         # An orientation tag would turn the coordinates.
-        image = cv2.imdecode(np.fromfile(path, np.uint8), flag | cv2.IMREAD_IGNORE_ORIENTATION)
+        return decode(path.read_bytes(), flag | cv2.IMREAD_IGNORE_ORIENTATION, repr(str(path)))
     except OSError as error:
         raise SourceError(f'{str(path)!r}: {error.strerror}') from error
-    except cv2.error:
-        image = None
-    if image is None:
-        raise SourceError(f'{str(path)!r}: no image that can be read: it is damaged or in '
-                          f'another format than {", ".join(IMAGE_SUFFIXES)}')
-    return image
+    except DecodingError as error:
+        raise SourceError(str(error)) from error
 
 
 def encoding(colour: bool) -> str:

@@ -17,6 +17,14 @@ class SourceError(Exception):
     """A source that cannot be read; the text says in a line what, where, and what would do."""
 
 
+class FrameError(ValueError):
+    """A frame that cannot be worked on; ``reason`` is a short phrase to count it by."""
+
+    def __init__(self, reason: str, text: str) -> None:
+        super().__init__(text)
+        self.reason = reason
+
+
 @dataclass(frozen=True)
 class Frame:
     """
@@ -69,6 +77,8 @@ class Source(ABC):
     ----------
     skipped
         Number of frames that could not be read so far, each reported once.
+    note
+        What a person may want to know of how it is read; empty for nothing.
     live
         Whether frames come at the pace of a camera, with the time at which they were taken.
 
@@ -78,6 +88,7 @@ class Source(ABC):
 
     def __init__(self, name: str, report: Report) -> None:
         self.name = name
+        self.note = ''
         self._report = report
         self._reported: set[str] = set()
 

@@ -91,6 +91,25 @@ def test_a_bag_of_raw_images_of_which_one_cannot_be_read(
     check(output / 'drive_segments', [0, 1, 2, 4])
 
 
+def test_of_several_topics_one_is_read_and_named(
+        tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    bag, output = tmp_path / 'drive', tmp_path / 'found'
+    with Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        for topic, number in (('/left', 0), ('/right', 2)):
+            connection = writer.add_connection(topic, COMPRESSED, typestore=TYPES)
+            writer.write(connection, START + 1000 + number * 50_000_000,
+                         TYPES.serialize_cdr(message(number, COMPRESSED), COMPRESSED))
+    assert main([str(bag), '--output', str(output / 'left')]) == 0
+    assert 'reads /left, the first of its image topics /left, /right: choose by --topic' \
+        in capfd.readouterr().err
+    check(output / 'left' / 'drive_segments', [0])
+    assert main([str(bag), '--output', str(output / 'right'), '--topic', '/right']) == 0
+    assert 'topics' not in capfd.readouterr().err
+    check(output / 'right' / 'drive_segments', [2])
+    assert main([str(bag), '--output', str(output / 'none'), '--topic', '/up']) == 1
+    assert 'topic /up is not in this bag: must be one of' in capfd.readouterr().err
+
+
 def test_one_file_of_a_bag_and_an_image_beside_it(tmp_path: Path) -> None:
     file, = make_bag(tmp_path / 'drive', COMPRESSED).glob('*.mcap')
     cv2.imwrite(str(tmp_path / 'photo.png'), gray(0))

@@ -85,7 +85,7 @@ def test_reading_keeps_colours_and_ignores_orientation(tmp_path: Path) -> None:
     """An image comes as B, G, R."""
     pixels = np.random.default_rng(0).integers(0, 255, (20, 30, 3), np.uint8)
     cv2.imwrite(str(tmp_path / 'a.png'), pixels)
-    [picture] = inputs.pictures(tmp_path / 'a.png', 'a', fail)
+    [picture] = inputs.pictures(tmp_path / 'a.png', 'a', '', fail, fail)
     np.testing.assert_array_equal(picture.read(), pixels)
     assert picture.frame is None
 
@@ -93,12 +93,12 @@ def test_reading_keeps_colours_and_ignores_orientation(tmp_path: Path) -> None:
 def test_videos_give_numbered_frames(tmp_path: Path) -> None:
     """Every frame of a video is a picture of its own, in order."""
     make_video(tmp_path / 'v.avi', 5)
-    frames = list(inputs.pictures(tmp_path / 'v.avi', 'v', fail))
+    frames = list(inputs.pictures(tmp_path / 'v.avi', 'v', '', fail, fail))
     assert [frame.name for frame in frames] == [f'v/{number:06d}' for number in range(5)]
     assert [frame.frame for frame in frames] == list(range(5))
     brightness = [frame.read().mean() for frame in frames]
     assert brightness == sorted(brightness) and brightness[4] > 10
-    assert inputs.count(tmp_path / 'v.avi') == 5
+    assert inputs.count(tmp_path / 'v.avi', '') == 5
 
 
 def test_a_video_cut_short_gives_what_it_has_and_a_report(tmp_path: Path) -> None:
@@ -107,7 +107,7 @@ def test_a_video_cut_short_gives_what_it_has_and_a_report(tmp_path: Path) -> Non
     make_video(path, 50)
     path.write_bytes(path.read_bytes()[:path.stat().st_size // 2])
     reports: list[str] = []
-    assert 0 < len(list(inputs.pictures(path, 'v', reports.append))) < 50
+    assert 0 < len(list(inputs.pictures(path, 'v', '', reports.append, fail))) < 50
     assert len(reports) == 1 and 'v.avi' in reports[0]
 
 
@@ -115,4 +115,4 @@ def test_a_broken_video_is_named(tmp_path: Path) -> None:
     """What is no video ends in an error that names the file."""
     [path] = touch(tmp_path, 'v.mp4')
     with pytest.raises(SourceError, match='v.mp4'):
-        list(inputs.pictures(path, 'v', fail))
+        list(inputs.pictures(path, 'v', '', fail, fail))

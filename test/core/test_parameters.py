@@ -4,6 +4,7 @@ from __future__ import annotations
 import dataclasses
 import math
 
+import numpy as np
 import pytest
 from qflsd_ros.core import Parameters
 
@@ -89,6 +90,27 @@ def test_integer_for_float(name, value):
 def test_float_for_integer(field):
     with pytest.raises(TypeError, match=field.name):
         Parameters(**{field.name: float(field.default)})
+
+
+@pytest.mark.parametrize(('name', 'value'), [
+    ('tolerance', np.float64(0.5)), ('tolerance', np.float32(0.5)), ('tolerance', np.int16(2)),
+    ('paper_seed', np.uint8(7)), ('paper_seed', np.int64(7)), ('method', np.str_('paper'))])
+def test_scalars_of_numpy(name, value):
+    taken = getattr(Parameters(**{name: value}), name)
+    assert taken == value and type(taken) in (int, float, str)
+
+
+@pytest.mark.parametrize('value', [np.True_, np.complex64(1), np.datetime64('2020'), np.ones(1)])
+def test_other_things_of_numpy_are_no_numbers(value):
+    with pytest.raises(TypeError, match='tolerance is .* must be of type float'):
+        Parameters(tolerance=value)
+
+
+@each_number
+@pytest.mark.parametrize('value', [10**400, -10**400, 10**9000], ids=['large', 'low', 'longest'])
+def test_integers_beyond_all_bounds(field, value):
+    with pytest.raises(ValueError, match=f'{field.name} is an integer of .* bits: must lie in'):
+        Parameters(**{field.name: value})
 
 
 @pytest.mark.parametrize('method', ['', 'Arcs', 'lsd'])

@@ -8,7 +8,7 @@ from typing import Any, Iterator
 import pytest
 from qflsd_ros.core.parameters import Parameters
 from qflsd_ros.ros import parameters
-from qflsd_ros.ros.parameters import NodeParameters
+from qflsd_ros.ros.node_parameters import check_together, NodeParameters
 import rclpy
 from rclpy.context import Context
 from rclpy.node import Node
@@ -27,7 +27,8 @@ class Host(Node):
         super().__init__('host', context=context, parameter_overrides=[
             RosParameter(name, value=value) for name, value in given.items()])
         self.applied: list[tuple[Parameters, NodeParameters]] = []
-        parameters.attach(self, KINDS, lambda *settings: self.applied.append(settings))
+        parameters.attach(self, KINDS, lambda *settings: self.applied.append(settings),
+                          check_together)
 
     def change(self, **values: Any) -> str:
         """Set values together; return the reason of a refusal, or nothing."""
@@ -87,6 +88,7 @@ def test_what_is_given_at_start_counts(context: Context) -> None:
     ({'line_width': 1.5}, ['line_width is 1.5', 'int']),
     ({'image_transport': 'theora'}, ["image_transport is 'theora'", 'raw, compressed']),
     ({'contrast_low': 50.0}, ['contrast_low is 50.0', 'contrast_high']),
+    ({'method': 'paper', 'mask': 'm.png'}, ["method is 'paper'", 'mask']),
 ])
 def test_what_cannot_be_used_at_start_is_named(context: Context, given: dict[str, Any],
                                                texts: list[str]) -> None:
@@ -131,3 +133,12 @@ def test_a_refused_change_says_why(context: Context, values: dict[str, Any],
     reason = host.change(**values)
     assert reason and all(text in reason for text in texts), reason
     assert len(host.applied) == 1
+
+
+def test_the_paper_knows_no_region(context: Context) -> None:
+    host = Host(context, {'method': 'paper', 'max_width': 320})
+    for name in ('roi_x', 'roi_y', 'roi_width', 'roi_height'):
+        assert "method is 'paper': must be 'arcs'" in host.change(**{name: 9})
+    assert host.change(method='arcs', roi_x=9) == ''
+    assert "method is 'paper'" in host.change(method='paper')
+    assert host.change(method='paper', roi_x=0) == ''

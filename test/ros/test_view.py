@@ -69,8 +69,8 @@ def test_reduced_gives_means_of_blocks(factor: int) -> None:
     ({'roi_x': 200}, 'region outside', ['roi_x 200', '200 x 100']),
     ({'roi_y': 100}, 'region outside', ['roi_y 100']),
     ({'mask': 'nowhere.png'}, 'mask', ['nowhere.png', 'No such file']),
-    ({'mask': __file__}, 'mask', ['test_view.py', 'must be an image']),
-    ({'mask': '/dev/null'}, 'mask', ['/dev/null', 'must be an image']),
+    ({'mask': __file__}, 'mask', ['test_view.py', 'no image that can be read']),
+    ({'mask': '/dev/null'}, 'mask', ['/dev/null', 'no image that can be read']),
 ])
 def test_what_does_not_fit_is_named(changes: dict, reason: str, texts: list[str]) -> None:
     with pytest.raises(ViewError) as caught:

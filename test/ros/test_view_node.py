@@ -85,7 +85,7 @@ def test_a_region_can_be_moved_while_it_runs(peer: Peer) -> None:
 
 @pytest.mark.parametrize('parameter, texts', [
     ('mask:=nowhere.png', ['mask', 'nowhere.png', 'No such file']),
-    ('mask:=setup.py', ['mask', 'setup.py', 'must be an image file'])])
+    ('mask:=setup.py', ['mask', 'setup.py', 'no image that can be read'])])
 def test_a_mask_that_cannot_be_read_ends_the_start(peer: Peer, parameter: str,
                                                    texts: list[str]) -> None:
     process = peer.run(*NODE, '-p', parameter)

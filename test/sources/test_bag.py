@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+import struct
 
 import cv2
 import numpy as np
@@ -96,10 +97,10 @@ def test_topic(tmp_path, storage):
     topics = {'/odd': ('odd_msgs/msg/Odd', odd), '/left': (RAW, raw),
               '/right': (COMPRESSED, compressed)}
     bag = write(tmp_path / 'bag', storage, topics)
-    reports: list[str] = []
-    assert next(iter(open_source(bag, report=reports.append))).encoding == 'mono16'
-    assert len(reports) == 1 and 'plays /left, the first' in reports[0]
-    assert next(iter(open_source(bag, topic='/right'))).encoding == 'bgr8'
+    first, second = open_source(bag), open_source(bag, topic='/right')
+    assert next(iter(first)).encoding == 'mono16'
+    assert 'reads /left, the first of its image topics /left, /right' in first.note
+    assert next(iter(second)).encoding == 'bgr8' and second.note == ''
     with pytest.raises(SourceError, match='/odd is of type odd_msgs/msg/Odd: .*/left, /right'):
         open_source(bag, topic='/odd')
     with pytest.raises(SourceError, match='/none is not in this bag: must be .*/left, /right'):
@@ -136,6 +137,26 @@ def test_damaged_message_is_skipped_reported_and_counted(tmp_path, storage):
         assert [frame.recorded - START for frame in source] == [0, 3]
         assert source.skipped == len(reports) == 2
     assert all('/cam cannot be read' in report and '\n' not in report for report in reports)
+
+
+@both_formats
+def test_hostile_images_are_refused_before_they_are_decoded(tmp_path, storage):
+    def hostile(number: int):
+        message = compressed(number)
+        if number == 1:  # claims 65536 x 65536 pixels
+            message.data[16:24] = np.frombuffer(struct.pack('>II', 65536, 65536), np.uint8)
+        if number == 2:
+            message.data = cv2.imencode('.tiff', np.zeros((3, 3), np.float32))[1].ravel()
+        if number == 3:
+            message.header.stamp.nanosec = 2**32 - 1
+        return message
+
+    reports: list[str] = []
+    source = open_source(write(tmp_path / 'bag', storage, {'/cam': (COMPRESSED, hostile)}),
+                         report=reports.append)
+    assert len(list(source)) == 2 and len(reports) == 3
+    for text, report in zip(('has 65536 x 65536 pixels', 'float32', 'its stamp'), reports):
+        assert text in report
 
 
 @both_formats

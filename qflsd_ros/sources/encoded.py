@@ -1,0 +1,69 @@
+"""
+Encoded images, as files, messages and recordings hold them, as arrays.
+
+What an image claims of its size is looked at before it is decoded: few bytes can claim gigabytes.
+"""
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from qflsd_ros.sources import headers
+from qflsd_ros.sources.frames import FrameError
+
+MAX_SIDE = 32768        # px
+MAX_PIXELS = 1 << 27    # 134 megapixels
+
+
+class DecodingError(FrameError):
+    """An encoded image that cannot be decoded, or is too large for that."""
+
+
+def decode(data: bytes, flags: int, what: str) -> np.ndarray:
+    """
+    Return an encoded image as OpenCV decodes it.
+
+    Parameters
+    ----------
+    data
+        The whole image, in one of :data:`qflsd_ros.sources.headers.FORMATS`.
+    flags
+        Of ``cv2.imdecode``.
+    what
+        What to call it in an error.
+
+    Returns
+    -------
+    image
+        (H, W) or (H, W, C), uint8 or whatever else ``flags`` allows.
+
+    Raises
+    ------
+    DecodingError
+        It is damaged or of another format, or claims to be too large.
+
+    """
+    _check_size(headers.size(data), what)
+    try:
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
+    except cv2.error:
+        image = None
+    if image is None:
+        raise _unreadable(what)
+    return image
+
+
+def _check_size(claimed: headers.Size | None, what: str) -> None:
+    if claimed is None:
+        raise _unreadable(what)
+    width, height = claimed
+    if not (0 < width <= MAX_SIDE and 0 < height <= MAX_SIDE and width * height <= MAX_PIXELS):
+        raise DecodingError(
+            'wrong size', f'{what}: has {width} x {height} pixels: both must lie in 1 to '
+            f'{MAX_SIDE}, and at most {MAX_PIXELS} pixels in all')
+
+
+def _unreadable(what: str) -> DecodingError:
+    return DecodingError(
+        'cannot be decoded', f'{what}: no image that can be read: it is damaged or in another '
+        f'format than {headers.FORMATS}')
