@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from qflsd_ros.core.compilation import compiled, inlined
-from qflsd_ros.core.edges import STRONG, TAN_22
+from qflsd_ros.core.edges import STRONG
 
 # The 8 neighbours in order of their direction, from the x axis to the y axis and on.
 STEP_X = np.array([1, 1, 0, -1, -1, -1, 0, 1], np.int64)
@@ -20,7 +20,14 @@ STEP_Y = np.array([0, 1, 1, 1, 0, -1, -1, -1], np.int64)
 UNIT_X = STEP_X / np.hypot(STEP_X, STEP_Y)
 UNIT_Y = STEP_Y / np.hypot(STEP_X, STEP_Y)
 ANY_STRONG = np.uint64(STRONG * 0x0101010101010101)     # eight edge pixels at once
+BYTE_NUMBERS = np.uint64(0x0001020304050607)
 MEMORY = 0.75       # share of the direction so far in the direction after the next step
+TAN_22 = math.sqrt(2) - 1       # tangent of 22.5 degrees
+
+
+def steps(width: int) -> np.ndarray:
+    """Return the steps (8,) int64 to a pixel's neighbours in rows of ``width`` pixels."""
+    return STEP_Y * width + STEP_X
 
 
 @inlined
@@ -32,19 +39,36 @@ def _next(edges: np.ndarray, at: int, steps: np.ndarray, before: int, ux: float,
     It is the only one within 45 degrees of the last step; of several, the one closest to (ux, uy);
     else the closest within 90 degrees.
     """
-    left, right = (before + 7) & 7, (before + 1) & 7
-    a, b, c = edges[at + steps[before]], edges[at + steps[left]], edges[at + steps[right]]
-    near = (a != 0) + (b != 0) + (c != 0)
+    ahead = edges[at + steps[before]] != 0
+    left = edges[at + steps[(before - 1) & 7]] != 0
+    right = edges[at + steps[(before + 1) & 7]] != 0
+    near = ahead + left + right
     if near == 1:
-        return before if a != 0 else left if b != 0 else right
+        return (before + right - left) & 7
+    if near == 0:
+        left = edges[at + steps[(before - 2) & 7]] != 0
+        right = edges[at + steps[(before + 2) & 7]] != 0
+        if left != right:
+            return (before + 2 * right - 2 * left) & 7
+        if not left:
+            return -1
+        # The sine of the angle from the last step to (ux, uy) tells which is closer to that.
+        return (before + (2 if UNIT_X[before] * uy > UNIT_Y[before] * ux else -2)) & 7
     best, cosine = -1, -10.0
-    reach = 2 if near == 0 else 1
-    for turn in range(-reach, reach + 1):
+    for turn in range(-1, 2):
         k = (before + turn) & 7
         along = ux * UNIT_X[k] + uy * UNIT_Y[k]
         if edges[at + steps[k]] != 0 and along > cosine:
             best, cosine = k, along
     return best
+
+
+@inlined
+def _first(strong: np.uint64) -> int:
+    """Return the number (0 to 7) of the first strong pixel of eight; one there must be."""
+    # Of 2^(8 k + 1) the multiplication brings byte 7 - k, which is k, to the top.
+    lowest = strong & (~strong + np.uint64(1))
+    return int(((lowest >> np.uint64(1)) * BYTE_NUMBERS) >> np.uint64(56))
 
 
 @inlined
@@ -100,8 +124,9 @@ def _chain(edges: np.ndarray, steps: np.ndarray, x: int, y: int, at: int, ux: fl
 
 
 @compiled
-def trace(dx: np.ndarray, dy: np.ndarray, edges: np.ndarray, words: np.ndarray, width: int,
-          shortest: int, xs: np.ndarray, ys: np.ndarray, offsets: np.ndarray) -> int:
+def trace(dx: np.ndarray, dy: np.ndarray, edges: np.ndarray, words: np.ndarray,
+          steps: np.ndarray, shortest: int, xs: np.ndarray, ys: np.ndarray,
+          offsets: np.ndarray) -> int:
     """
     Cut an edge map into chains, each begun at a strong pixel; their pixels are taken out of it.
 
@@ -111,8 +136,8 @@ def trace(dx: np.ndarray, dy: np.ndarray, edges: np.ndarray, words: np.ndarray, 
         (H W,) int16 gradients: a chain starts out at right angles to them.
     edges, words
         The edge map as :func:`edges.thin` leaves it.
-    width
-        Pixels in a row.
+    steps
+        (8,) int64, from a pixel to its neighbours, of :func:`steps`.
     shortest
         Chains of fewer pixels are dropped.
     xs, ys
@@ -125,21 +150,21 @@ def trace(dx: np.ndarray, dy: np.ndarray, edges: np.ndarray, words: np.ndarray, 
     Number of chains.
 
     """
-    steps = STEP_Y * width + STEP_X
+    width = steps[2]
     chains, n = 0, 0
     offsets[0] = 0
     for word in range(len(words)):
-        if words[word] & ANY_STRONG == 0:
-            continue
-        for at in range(8 * word, 8 * word + 8):
-            if edges[at] != STRONG:
-                continue
+        strong = words[word] & ANY_STRONG
+        while strong != 0:
+            at = 8 * word + _first(strong)
             gx, gy = float(dx[at]), float(dy[at])
-            size = math.sqrt(gx * gx + gy * gy)
-            end = _chain(edges, steps, at % width, at // width, at, -gy / size, gx / size,
-                         xs, ys, n)
+            # Down the image first, whichever side of the edge is brighter.
+            size = math.copysign(math.sqrt(gx * gx + gy * gy), gx if gx != 0 else -gy)
+            y = at // width
+            end = _chain(edges, steps, at - y * width, y, at, -gy / size, gx / size, xs, ys, n)
             if end - n >= shortest:
                 n = end
                 chains += 1
                 offsets[chains] = n
+            strong = words[word] & ANY_STRONG
     return chains

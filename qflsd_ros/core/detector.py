@@ -85,7 +85,7 @@ class Detector:
                                   memory.edges))
         if mask is not None:
             edges.remove(memory.dx, memory.edges, memory.blocked(mask))
-        count = chains.trace(dx, dy, memory.flat, memory.words, width, SHORTEST,
+        count = chains.trace(dx, dy, memory.flat, memory.words, memory.steps, SHORTEST,
                              memory.xs, memory.ys, memory.offsets)
         edges.locate(dx, dy, magnitude, width, memory.xs, memory.ys,
                      memory.offsets[count], memory.points)
@@ -96,7 +96,7 @@ class Detector:
         memory = self._memory
         count = extraction.extract(memory.points, memory.offsets, chain_count, SHORTEST,
                                    self.parameters.tolerance, SIGNIFICANCE, self._sharpest(),
-                                   memory.runs, memory.fits)
+                                   memory.todo, memory.runs, memory.fits)
         return joining.describe(memory.points, memory.runs[:count], memory.fits[:count])
 
     def _assemble(self, pieces: joining.Pieces) -> Arcs:
@@ -141,6 +141,7 @@ class _Memory:
         self.flat = np.zeros((height * width + 7) // 8 * 8, np.uint8)
         self.words = self.flat.view(np.uint64)
         self.edges = self.flat[:height * width].reshape(self.shape)
+        self.steps = chains.steps(width)
         self._mask: np.ndarray | None = None
         self.reserve(1)
 
@@ -158,5 +159,6 @@ class _Memory:
         self.xs, self.ys = np.empty(size, np.int32), np.empty(size, np.int32)
         self.points = np.empty((4, size), np.float32)
         most = size // SHORTEST + 2
-        self.offsets, self.runs = np.empty(most, np.int64), np.empty((most, 2), np.int64)
+        self.offsets = np.empty(most, np.int64)
+        self.todo, self.runs = np.empty((most, 3), np.int64), np.empty((most, 2), np.int64)
         self.fits = np.empty((most, FIT_SIZE))

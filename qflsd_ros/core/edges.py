@@ -18,7 +18,6 @@ SOBEL_GAIN = 4.0                # Sobel's response to a step of one grey level
 WEAK, STRONG = 1, 2             # what an edge pixel is in the edge map
 MASKED = -32768                 # what dx becomes where no arc may pass; Sobel never gives it
 MASK_MARGIN = 2                 # px around what is masked in which there are no edges either
-TAN_22 = math.sqrt(2) - 1       # tangent of 22.5 degrees
 
 
 def gradients(gray: np.ndarray, blur_sigma: float, blurred: np.ndarray,
@@ -46,7 +45,9 @@ def thin(dx: np.ndarray, dy: np.ndarray, magnitude: np.ndarray, low: float, high
     """
     Find the pixels at which the magnitude is largest across the edge (Canny).
 
-    The loop has no branches, so that the compiler can do several pixels at once.
+    Each is compared with its two neighbours along x or y, whichever is closer to the gradient, so
+    that an edge in any direction is one pixel wide.  The loop has no branches, so that the
+    compiler can do several pixels at once.
 
     Parameters
     ----------
@@ -64,27 +65,19 @@ def thin(dx: np.ndarray, dy: np.ndarray, magnitude: np.ndarray, low: float, high
 
     """
     height, width = magnitude.shape
-    tangent, low, high = np.float32(TAN_22), np.float32(low), np.float32(high)
+    low, high = np.float32(low), np.float32(high)
     edges[0], edges[height - 1], edges[:, 0], edges[:, width - 1] = 0, 0, 0, 0
     count = 0
     for row in range(1, height - 1):
         gx, gy, out = dx[row, 1:-1], dy[row, 1:-1], edges[row, 1:-1]
-        up, here, down = magnitude[row - 1], magnitude[row], magnitude[row + 1]
-        up_left, up_mid, up_right = up[:-2], up[1:-1], up[2:]
+        up, here, down = magnitude[row - 1, 1:-1], magnitude[row], magnitude[row + 1, 1:-1]
         left, mid, right = here[:-2], here[1:-1], here[2:]
-        down_left, down_mid, down_right = down[:-2], down[1:-1], down[2:]
         found = np.int32(0)
         for i in range(width - 2):
-            x, y = np.float32(gx[i]), np.float32(gy[i])
-            ul, um, ur, ll, m, rr = up_left[i], up_mid[i], up_right[i], left[i], mid[i], right[i]
-            dl, dm, dr = down_left[i], down_mid[i], down_right[i]
-            falling = x * y > 0
-            before = ul if falling else ur
-            after = dr if falling else dl
-            before = um if abs(x) < tangent * abs(y) else before
-            after = dm if abs(x) < tangent * abs(y) else after
-            before = ll if abs(y) < tangent * abs(x) else before
-            after = rr if abs(y) < tangent * abs(x) else after
+            m, um, dm, ll, rr = mid[i], up[i], down[i], left[i], right[i]
+            across_x = abs(np.float32(gx[i])) >= abs(np.float32(gy[i]))
+            before = ll if across_x else um
+            after = rr if across_x else dm
             edge = (m > before) & (m >= after) & (m >= low)
             out[i] = np.uint8(edge) + np.uint8(edge & (m >= high))
             found += np.int32(edge)
@@ -110,10 +103,8 @@ def locate(dx: np.ndarray, dy: np.ndarray, magnitude: np.ndarray, width: int,
     """
     Find the subpixel positions of edge pixels, after Devernay, and the gradients there.
 
-    The gradient's magnitude at the pixel and at its two neighbours along x or y, whichever is
-    closer to the gradient, is taken for a parabola; its maximum lies on the edge.  Where the
-    gradient is oblique, the pixel that is largest across the edge may have a larger neighbour in
-    that direction; the parabola is then taken around that one, up to a pixel away.
+    The gradient's magnitude at the pixel and at the two neighbours along x or y that it was
+    compared with is taken for a parabola; its maximum lies on the edge.
 
     Parameters
     ----------
@@ -127,22 +118,15 @@ def locate(dx: np.ndarray, dy: np.ndarray, magnitude: np.ndarray, width: int,
         (4, E) float32, takes the positions x and y, px, and the gradient in grey levels.
 
     """
-    half, one, scale = np.float32(0.5), np.float32(1), np.float32(1 / SOBEL_GAIN)
+    half, zero, scale = np.float32(0.5), np.float32(0), np.float32(1 / SOBEL_GAIN)
     for i in range(n):
         at = ys[i] * width + xs[i]
         gx, gy = np.float32(dx[at]), np.float32(dy[at])
         across_x = abs(gx) >= abs(gy)
         step = 1 if across_x else width
         a, b, c = magnitude[at - step], magnitude[at], magnitude[at + step]
-        shift = 0
-        if a > b and at >= 2 * step:
-            shift, a, b, c = -1, magnitude[at - 2 * step], a, b
-        elif c > b and at + 2 * step < len(magnitude):
-            shift, a, b, c = 1, b, c, magnitude[at + 2 * step]
-        bend = a - 2 * b + c
-        offset = np.float32(0)
-        if bend < 0:
-            offset = min(max(half * (a - c) / bend + shift, -one), one)
-        points[0, i] = xs[i] + (offset if across_x else np.float32(0))
-        points[1, i] = ys[i] + (np.float32(0) if across_x else offset)
+        # Below 0, since a < b >= c.
+        offset = half * (a - c) / (a - b + (c - b))
+        points[0, i] = xs[i] + (offset if across_x else zero)
+        points[1, i] = ys[i] + (zero if across_x else offset)
         points[2, i], points[3, i] = scale * gx, scale * gy

@@ -98,7 +98,7 @@ def _refit(points: np.ndarray, first: int, last: int, lo: int, hi: int,
 @compiled
 def extract(points: np.ndarray, offsets: np.ndarray, chains: int, shortest: int,
             tolerance: float, significance: float, sharpest: float,
-            runs: np.ndarray, fits: np.ndarray) -> int:
+            todo: np.ndarray, runs: np.ndarray, fits: np.ndarray) -> int:
     """
     Find the arcs of all chains.
 
@@ -116,8 +116,10 @@ def extract(points: np.ndarray, offsets: np.ndarray, chains: int, shortest: int,
         Curvature counts from this multiple of its standard deviation on.
     sharpest
         Largest curvature of an arc, 1/px.
+    todo
+        (R, 3) int64, scratch; R >= E / shortest + 1.
     runs
-        (R, 2) int64, takes the first and last point of every arc; R >= E / shortest + 1.
+        (R, 2) int64, takes the first and last point of every arc.
     fits
         (R, FIT_SIZE) float64, takes the fits.
 
@@ -127,7 +129,6 @@ def extract(points: np.ndarray, offsets: np.ndarray, chains: int, shortest: int,
 
     """
     found = 0
-    todo = np.empty((64 + points.shape[1] // max(shortest, 1), 3), np.int64)
     for chain in range(chains):
         todo[0, 0], todo[0, 1] = offsets[chain], offsets[chain + 1] - 1
         todo[0, 2] = offsets[chain + 1] - offsets[chain]

@@ -99,31 +99,39 @@ def describe(points: np.ndarray, runs: np.ndarray, fits: np.ndarray) -> Pieces:
 
 
 @compiled
-def _index(ends: np.ndarray, height: int, width: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _index(ends: np.ndarray, columns: int, rows: int, begins: np.ndarray, filled: np.ndarray,
+           sorted_ends: np.ndarray, places: np.ndarray) -> None:
     """
     Sort ends into square cells, row by row.
 
-    Returns where each cell begins, (rows, columns + 1), which ends (2 piece + side) are in it, and
-    these ends' position and tangent, (2 M, 4), in the same order.
+    Parameters
+    ----------
+    ends
+        As in :class:`Pieces`.
+    columns, rows
+        Number of cells.
+    begins
+        (rows columns + 1,) int64, zeros; takes where in the order each cell begins.
+    filled
+        The same, scratch.
+    sorted_ends
+        (2 M,) int64, takes the ends (2 piece + side) in order of their cells.
+    places
+        (2 M, 4) float64, takes these ends' position and tangent, in the same order.
+
     """
-    columns, rows, count = int(width / CELL) + 1, int(height / CELL) + 1, len(ends) - 1
-    begins = np.zeros((rows, columns + 1), np.int64)
-    cell, filled = np.empty(count, np.int64), np.zeros(rows * columns + 1, np.int64)
-    for e in range(count):
-        cell[e] = _cell(ends[e, 1], rows) * columns + _cell(ends[e, 0], columns)
-        filled[cell[e] + 1] += 1
+    for e in range(len(sorted_ends)):
+        begins[_cell(ends[e, 1], rows) * columns + _cell(ends[e, 0], columns) + 1] += 1
     for k in range(rows * columns):
-        filled[k + 1] += filled[k]
-    for r in range(rows):
-        begins[r] = filled[r * columns:(r + 1) * columns + 1]
-    sorted_ends, places = np.empty(count, np.int64), np.empty((count, 4))
-    for e in range(count):
-        k = filled[cell[e]]
-        filled[cell[e]] += 1
+        begins[k + 1] += begins[k]
+        filled[k] = begins[k]
+    for e in range(len(sorted_ends)):
+        cell = _cell(ends[e, 1], rows) * columns + _cell(ends[e, 0], columns)
+        k = filled[cell]
+        filled[cell] += 1
         sorted_ends[k] = e
         for column in range(4):
             places[k, column] = ends[e, column]
-    return begins, sorted_ends, places
 
 
 @inlined
@@ -224,10 +232,9 @@ def _cost(nodes: np.ndarray, sums: np.ndarray, other: int, side: int, gap: float
 def _partner(nodes: np.ndarray, sums: np.ndarray, begins: np.ndarray, sorted_ends: np.ndarray,
              places: np.ndarray, taken: np.ndarray, arc: np.ndarray, n: int, total: np.ndarray,
              fits: np.ndarray, now: int, ends: np.ndarray, max_gap: float, tolerance: float,
-             significance: float, sharpest: float, dx: np.ndarray,
+             significance: float, sharpest: float, columns: int, rows: int, dx: np.ndarray,
              dy: np.ndarray) -> tuple[int, float]:
     """Return the end (2 piece + side, or -1) that continues an arc best, and the gap to it."""
-    rows, columns = begins.shape[0], begins.shape[1] - 1
     reach = min(max_gap, 2 * GAP_SHARE * total[SIZE])
     tip = len(ends) - 1
     x, y, tx, ty = ends[tip, 0], ends[tip, 1], ends[tip, 2], ends[tip, 3]
@@ -236,7 +243,7 @@ def _partner(nodes: np.ndarray, sums: np.ndarray, begins: np.ndarray, sorted_end
     best, best_gap, best_cost = -1, np.inf, np.inf
     for r in range(_cell(min(y, y + reach * ty) - OVERLAP, rows),
                    _cell(max(y, y + reach * ty) + OVERLAP, rows) + 1):
-        for k in range(begins[r, left], begins[r, right + 1]):
+        for k in range(begins[r * columns + left], begins[r * columns + right + 1]):
             gap = _gap(x, y, tx, ty, places, k, min(reach, best_cost))
             if gap == np.inf:
                 continue
@@ -295,14 +302,13 @@ def _turn_round(arc: np.ndarray, n: int, members: np.ndarray, first: int, last: 
 
 
 @compiled
-def _join(ends: np.ndarray, nodes: np.ndarray, sums: np.ndarray, dx: np.ndarray, dy: np.ndarray,
-          shortest: float, max_gap: float, tolerance: float, significance: float,
-          sharpest: float, members: np.ndarray, offsets: np.ndarray, fits: np.ndarray) -> int:
-    m = len(sums)
-    begins, sorted_ends, places = _index(ends, dx.shape[0], dx.shape[1])
-    taken, arc, total = np.zeros(m, np.bool_), np.empty((3, NODES * m)), np.empty(3)
+def _join(ends: np.ndarray, nodes: np.ndarray, sums: np.ndarray, order: np.ndarray,
+          begins: np.ndarray, sorted_ends: np.ndarray, places: np.ndarray, columns: int, rows: int,
+          dx: np.ndarray, dy: np.ndarray, shortest: float, max_gap: float, tolerance: float,
+          significance: float, sharpest: float, taken: np.ndarray, arc: np.ndarray,
+          total: np.ndarray, members: np.ndarray, offsets: np.ndarray, fits: np.ndarray) -> int:
     arcs = 0
-    for seed in np.argsort(-sums[:, SIZE], kind='mergesort'):
+    for seed in order:
         if sums[seed, SIZE] < shortest:
             break
         if taken[seed]:
@@ -318,7 +324,7 @@ def _join(ends: np.ndarray, nodes: np.ndarray, sums: np.ndarray, dx: np.ndarray,
                 _outward(ends, 2 * members[placed, 0] + 1 - members[placed, 1], fits, arcs)
                 best, gap = _partner(nodes, sums, begins, sorted_ends, places, taken, arc, n,
                                      total, fits, arcs, ends, max_gap, tolerance,
-                                     significance, sharpest, dx, dy)
+                                     significance, sharpest, columns, rows, dx, dy)
                 if best < 0:
                     break
                 placed += 1
@@ -349,9 +355,15 @@ def join(pieces: Pieces, dx: np.ndarray, dy: np.ndarray, min_length: float, max_
         As in :func:`extraction.extract`.
 
     """
-    m = len(pieces.sums)
+    m, (height, width) = len(pieces.sums), dx.shape
+    columns, rows = int(width / CELL) + 1, int(height / CELL) + 1
+    begins, filled = np.zeros((2, columns * rows + 1), np.int64)
+    sorted_ends, places = np.empty(2 * m, np.int64), np.empty((2 * m, 4))
+    _index(pieces.ends, columns, rows, begins, filled, sorted_ends, places)
     joined = Joined(np.empty((m, 2), np.int64), np.zeros(m + 1, np.int64),
                     np.empty((m + 2, FIT_SIZE)))
-    arcs = _join(pieces.ends, pieces.nodes, pieces.sums, dx, dy, SEED_SHARE * min_length, max_gap,
-                 tolerance, significance, sharpest, *joined)
+    order = np.argsort(-pieces.sums[:, SIZE], kind='stable')
+    arcs = _join(pieces.ends, pieces.nodes, pieces.sums, order, begins, sorted_ends, places,
+                 columns, rows, dx, dy, SEED_SHARE * min_length, max_gap, tolerance, significance,
+                 sharpest, np.zeros(m, np.bool_), np.empty((3, NODES * m)), np.empty(3), *joined)
     return Joined(joined.members, joined.offsets[:arcs + 1], joined.fits[:arcs])

@@ -11,32 +11,41 @@ import math
 
 import numpy as np
 
-from qflsd_ros.core import circle
 from qflsd_ros.core.compilation import compiled, inlined
 
-PARALLEL = math.cos(math.radians(10.0))
+PARALLEL = math.sin(math.radians(10.0))
 HIDDEN = 0.65       # share of an arc beside others from which on it is left out
+LENGTH = 7          # column of a row in which its length is
 CELL = 16.0         # px, of the grid
-ENTRIES = 4         # of an arc to the grid for each length of a cell
+ENTRIES = 2         # of an arc to the grid for each length of a cell
 STEP = 4.0          # px between the places of an arc that are looked at
+
+
+@inlined
+def _near(fits: np.ndarray, arc: int, x: float, y: float) -> tuple[float, float, float]:
+    """Return P(x, y) of an arc, and its gradient: about the distance, and the unit normal."""
+    a, b, c = fits[arc, 2], fits[arc, 3], fits[arc, 4]
+    x, y = x - fits[arc, 0], y - fits[arc, 1]
+    return a * (x * x + y * y) + b * x + c * y + fits[arc, 5], 2 * a * x + b, 2 * a * y + c
 
 
 @inlined
 def _at(rows: np.ndarray, fits: np.ndarray, arc: int,
         share: float) -> tuple[float, float, float, float]:
-    """Return a point of an arc, about the given share along it, and the unit tangent there."""
+    """Return a point of an arc, about the given share along it, and the unit normal there."""
     a, b, c = (1 - share) * (1 - 2 * share), 4 * share * (1 - share), share * (2 * share - 1)
-    return circle.foot(fits, arc, a * rows[arc, 0] + b * rows[arc, 2] + c * rows[arc, 4],
-                       a * rows[arc, 1] + b * rows[arc, 3] + c * rows[arc, 5])
+    x = a * rows[arc, 0] + b * rows[arc, 2] + c * rows[arc, 4]
+    y = a * rows[arc, 1] + b * rows[arc, 3] + c * rows[arc, 5]
+    p, nx, ny = _near(fits, arc, x, y)
+    return x - p * nx, y - p * ny, nx, ny
 
 
 @inlined
-def _beside(rows: np.ndarray, fits: np.ndarray, arc: int, x: float, y: float, tx: float,
-            ty: float, distance: float) -> bool:
-    """Return whether an arc passes a point within the distance, along the tangent (tx, ty)."""
-    fx, fy, ux, uy = circle.foot(fits, arc, x, y)
-    if ((x - fx) ** 2 + (y - fy) ** 2 > distance * distance
-            or abs(tx * ux + ty * uy) < PARALLEL):
+def _beside(rows: np.ndarray, fits: np.ndarray, arc: int, x: float, y: float, nx: float,
+            ny: float, distance: float) -> bool:
+    """Return whether an arc passes a point within the distance, at right angles to (nx, ny)."""
+    p, ux, uy = _near(fits, arc, x, y)
+    if abs(p) > distance or abs(nx * uy - ny * ux) > PARALLEL:
         return False
     cx, cy = rows[arc, 4] - rows[arc, 0], rows[arc, 5] - rows[arc, 1]
     along = (x - rows[arc, 0]) * cx + (y - rows[arc, 1]) * cy
@@ -45,32 +54,34 @@ def _beside(rows: np.ndarray, fits: np.ndarray, arc: int, x: float, y: float, tx
 
 @compiled
 def _hidden(rows: np.ndarray, fits: np.ndarray, arc: int, heads: np.ndarray, entries: np.ndarray,
-            distance: float) -> float:
-    """Return the share of an arc that lies beside those in the grid."""
-    steps, covered = int(math.ceil(rows[arc, 7] / STEP)), 0
+            distance: float) -> bool:
+    """Return whether an arc for the most part lies beside those in the grid."""
+    steps = int(math.ceil(rows[arc, LENGTH] / STEP))
+    free = (1 - HIDDEN) * (steps + 1)
     for i in range(steps + 1):
-        x, y, tx, ty = _at(rows, fits, arc, i / steps)
+        x, y, nx, ny = _at(rows, fits, arc, i / steps)
         row = min(max(int(y / CELL), 0), heads.shape[0] - 1)
         column = min(max(int(x / CELL), 0), heads.shape[1] - 1)
         entry = heads[row, column]
-        while entry >= 0:
-            if _beside(rows, fits, entries[entry, 0], x, y, tx, ty, distance):
-                covered += 1
-                break
+        while entry >= 0 and not _beside(rows, fits, entries[entry, 0], x, y, nx, ny, distance):
             entry = entries[entry, 1]
-    return covered / (steps + 1)
+        if entry < 0:
+            free -= 1
+            if free < 0:
+                return False
+    return True
 
 
 @compiled
 def _enter(rows: np.ndarray, fits: np.ndarray, arc: int, distance: float, heads: np.ndarray,
            entries: np.ndarray, count: int) -> int:
     """Enter an arc into all cells that it passes within the distance; return the new count."""
-    steps = int(math.ceil(ENTRIES * rows[arc, 7] / CELL))
+    steps = int(math.ceil(ENTRIES * rows[arc, LENGTH] / CELL))
     for i in range(steps + 1):
-        x, y, tx, ty = _at(rows, fits, arc, i / steps)
+        x, y, nx, ny = _at(rows, fits, arc, i / steps)
         for side in (-distance, distance):
-            row = min(max(int((y + side * tx) / CELL), 0), heads.shape[0] - 1)
-            column = min(max(int((x - side * ty) / CELL), 0), heads.shape[1] - 1)
+            row = min(max(int((y + side * ny) / CELL), 0), heads.shape[0] - 1)
+            column = min(max(int((x + side * nx) / CELL), 0), heads.shape[1] - 1)
             head = heads[row, column]
             if head < 0 or entries[head, 0] != arc:
                 entries[count, 0], entries[count, 1] = arc, head
@@ -80,6 +91,15 @@ def _enter(rows: np.ndarray, fits: np.ndarray, arc: int, distance: float, heads:
 
 
 @compiled
+def _separate(rows: np.ndarray, fits: np.ndarray, order: np.ndarray, distance: float,
+              heads: np.ndarray, entries: np.ndarray, keep: np.ndarray) -> None:
+    count = 0
+    for arc in order:
+        keep[arc] = not _hidden(rows, fits, arc, heads, entries, distance)
+        if keep[arc]:
+            count = _enter(rows, fits, arc, distance, heads, entries, count)
+
+
 def separate(rows: np.ndarray, fits: np.ndarray, height: int, width: int, distance: float,
              keep: np.ndarray) -> None:
     """
@@ -98,14 +118,9 @@ def separate(rows: np.ndarray, fits: np.ndarray, height: int, width: int, distan
         not looked at.
 
     """
+    looked_at = np.flatnonzero(keep)
+    lengths = rows[looked_at, LENGTH]
+    order = looked_at[np.argsort(-lengths, kind='stable')]
     heads = np.full((int(height / CELL) + 1, int(width / CELL) + 1), -1, np.int64)
-    most = 0
-    for arc in range(len(keep)):
-        if keep[arc]:
-            most += 2 * (2 + int(math.ceil(ENTRIES * rows[arc, 7] / CELL)))
-    entries, count = np.empty((most, 2), np.int64), 0
-    for arc in np.argsort(-rows[:, 7], kind='mergesort'):
-        if keep[arc]:
-            keep[arc] = _hidden(rows, fits, arc, heads, entries, distance) < HIDDEN
-            if keep[arc]:
-                count = _enter(rows, fits, arc, distance, heads, entries, count)
+    most = 2 * int((2 + np.ceil(ENTRIES * lengths / CELL)).sum())
+    _separate(rows, fits, order, distance, heads, np.empty((most, 2), np.int64), keep)

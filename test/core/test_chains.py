@@ -28,8 +28,8 @@ def trace(edges: np.ndarray, shortest: int = 1, dx: int | np.ndarray = 3,
     xs, ys = np.empty(size, np.int32), np.empty(size, np.int32)
     offsets = np.empty(size // shortest + 2, np.int64)
     gradients = (np.broadcast_to(d, edges.shape).astype(np.int16).ravel() for d in (dx, dy))
-    count = chains.trace(*gradients, flat, flat.view(np.uint64), edges.shape[1], shortest, xs, ys,
-                         offsets)
+    count = chains.trace(*gradients, flat, flat.view(np.uint64), chains.steps(edges.shape[1]),
+                         shortest, xs, ys, offsets)
     assert not (flat == STRONG).any()
     return [np.column_stack([xs[a:b], ys[a:b]])
             for a, b in zip(offsets[:count], offsets[1:count + 1])]
