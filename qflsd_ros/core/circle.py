@@ -40,13 +40,14 @@ def distance(circle: Circle, x: float, y: float) -> float:
 
 @inlined
 def through(x0: float, y0: float, x1: float, y1: float, x2: float, y2: float,
-            sharpest: float) -> Circle:
+            sharpest: float) -> tuple[Circle, float]:
     """
-    Return the generalised circle through three points, of which the middle one is the origin.
+    Return the generalised circle through three points, and its gradient's squared length.
 
-    The points are given in px relative to any origin; the circle's origin is (x1, y1).  Where it
-    would be bent more than ``sharpest`` (1/px), which the noise of close points brings about, it
-    is the line through the outer two; where these coincide, (0, 0, 0, inf): far from all points.
+    It is not normalised, so that a hypothesis may be dropped before it has cost a root: see
+    :func:`normalised`.  The points are given in px relative to any origin; the circle's origin is
+    (x1, y1).  Where it would be bent more than ``sharpest`` (1/px), which the noise of close
+    points brings about, it is the line through the outer two; where these coincide, all is 0.
     """
     ax, ay = x0 - x1, y0 - y1
     bx, by = x2 - x1, y2 - y1
@@ -55,14 +56,18 @@ def through(x0: float, y0: float, x1: float, y1: float, x2: float, y2: float,
     A = ax * by - ay * bx
     B = ay * b2 - a2 * by
     C = a2 * bx - ax * b2
-    norm = math.sqrt(B * B + C * C)
-    if 2 * abs(A) <= sharpest * norm and norm > 0.0:
-        return A / norm, B / norm, C / norm, 0.0
+    square = B * B + C * C
+    if 4 * A * A <= sharpest * sharpest * square and square > 0.0:
+        return (A, B, C, 0.0), square
     ux, uy = bx - ax, by - ay
-    chord = math.sqrt(ux * ux + uy * uy)
-    if chord == 0.0:
-        return 0.0, 0.0, 0.0, np.inf
-    return 0.0, -uy / chord, ux / chord, (ax * uy - ay * ux) / chord
+    return (0.0, -uy, ux, ax * uy - ay * ux), ux * ux + uy * uy
+
+
+@inlined
+def normalised(circle: Circle, square: float) -> Circle:
+    """Divide a circle of which D or A is 0 by the length of its gradient."""
+    scale = 1 / math.sqrt(square)
+    return circle[0] * scale, circle[1] * scale, circle[2] * scale, circle[3] * scale
 
 
 # What a fit is: one row of a float64 array.

@@ -12,6 +12,8 @@ is at least 1.5 spans long contains a whole window: at that span the probability
 """
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from qflsd_ros.core import circle
@@ -21,6 +23,9 @@ REFITS = 3          # most rounds of refitting and growing
 # Points times curvature of an arc at most: points are up to 1.41 px apart, and the picture of a
 # straight edge never turns by more than half a turn (3.14).
 MOST_TURN = 2.2
+# Points for each px of an arc's chord at most; more are there where a chain turns back on itself.
+CROWDED = 2.0
+SECTION = 4096      # points of a chain that are searched at a time: its square bounds the time
 
 
 @inlined
@@ -46,14 +51,14 @@ def _hypothesis(points: np.ndarray, first: int, last: int, begin: int, end: int,
                 tolerance: float, sharpest: float) -> tuple[int, int]:
     """Return the run within first to last that fits the circle through a window, or (0, -1)."""
     middle = (begin + end) // 2
-    model = circle.through(points[0, begin], points[1, begin], points[0, middle],
-                           points[1, middle], points[0, end], points[1, end], sharpest)
     ox, oy = points[0, middle], points[1, middle]
-    if (not _fits(model, ox, oy, points, middle, tolerance)
-            or not _fits(model, ox, oy, points, (begin + middle) // 2, tolerance)
-            or not _fits(model, ox, oy, points, (middle + end) // 2, tolerance)):
-        return 0, -1
-    return _run(model, ox, oy, points, first, last, middle, tolerance)
+    raw, square = circle.through(points[0, begin], points[1, begin], ox, oy,
+                                 points[0, end], points[1, end], sharpest)
+    most = tolerance * tolerance * square
+    for i in (middle, (begin + middle) // 2, (middle + end) // 2):
+        if not circle.value(raw, points[0, i] - ox, points[1, i] - oy) ** 2 < most:
+            return 0, -1
+    return _run(circle.normalised(raw, square), ox, oy, points, first, last, middle, tolerance)
 
 
 @inlined
@@ -77,21 +82,24 @@ def _refit(points: np.ndarray, first: int, last: int, lo: int, hi: int,
            tolerance: float, significance: float, sharpest: float,
            fits: np.ndarray, row: int) -> tuple[int, int]:
     """Fit a run, grow it and fit again; return the run that was fitted last, or (0, -1)."""
-    for turn in range(REFITS):
-        if not circle.fit(points, lo, hi, 0.0, significance, sharpest, fits, row):
-            return 0, -1
+    if not circle.fit(points, lo, hi, 0.0, significance, sharpest, fits, row):
+        return 0, -1
+    for _ in range(REFITS):
         model = (fits[row, 2], fits[row, 3], fits[row, 4], fits[row, 5])
         new_lo, new_hi = _run(model, fits[row, 0], fits[row, 1], points, first, last,
                               (lo + hi) // 2, tolerance)
         if new_lo == lo and new_hi == hi:
             break
         lo, hi = new_lo, new_hi
-    if hi - lo < 2:
-        return 0, -1
+        if not circle.fit(points, lo, hi, 0.0, significance, sharpest, fits, row):
+            return 0, -1
     bend = 2 * abs(fits[row, 2])
     if bend * (hi - lo) > MOST_TURN:
         hi = lo + int(MOST_TURN / bend)
-    circle.fit(points, lo, hi, 0.0, significance, sharpest, fits, row)
+        circle.fit(points, lo, hi, 0.0, significance, sharpest, fits, row)
+    advance = math.hypot(points[0, hi] - points[0, lo], points[1, hi] - points[1, lo])
+    if hi - lo < 2 or hi - lo > CROWDED * advance:
+        return 0, -1
     return lo, hi
 
 
@@ -130,9 +138,11 @@ def extract(points: np.ndarray, offsets: np.ndarray, chains: int, shortest: int,
     """
     found = 0
     for chain in range(chains):
-        todo[0, 0], todo[0, 1] = offsets[chain], offsets[chain + 1] - 1
-        todo[0, 2] = offsets[chain + 1] - offsets[chain]
-        waiting = 1
+        waiting = 0
+        for first in range(offsets[chain], offsets[chain + 1], SECTION):
+            last = min(first + SECTION, offsets[chain + 1]) - 1
+            todo[waiting, 0], todo[waiting, 1], todo[waiting, 2] = first, last, last - first + 1
+            waiting += 1
         while waiting > 0:
             waiting -= 1
             first, last = todo[waiting, 0], todo[waiting, 1]

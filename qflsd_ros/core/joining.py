@@ -52,7 +52,7 @@ class Pieces(NamedTuple):
     # the last row is for the arc in the making
     ends: np.ndarray
     nodes: np.ndarray       # (M, NODES, 2) float64, px
-    sums: np.ndarray        # (M, 3) float64: number of edge points, residual sum of squares, chord
+    sums: np.ndarray        # (M, 3) float64: number of edge points, residual sum of squares, length
 
 
 class Joined(NamedTuple):
@@ -87,7 +87,8 @@ def _shapes(points: np.ndarray, runs: np.ndarray, fits: np.ndarray, ends: np.nda
             x, y, _, _ = circle.foot(fits, i, ends[a, 0] + share * cx, ends[a, 1] + share * cy)
             nodes[i, k, 0], nodes[i, k, 1] = x, y
         sums[i, COUNT], sums[i, RSS] = fits[i, 7], fits[i, 6]
-        sums[i, SIZE] = math.sqrt(cx * cx + cy * cy)
+        half = math.asin(min(1.0, abs(fits[i, 2]) * math.sqrt(cx * cx + cy * cy)))
+        sums[i, SIZE] = half / abs(fits[i, 2]) if half > 1e-9 else math.sqrt(cx * cx + cy * cy)
 
 
 def describe(points: np.ndarray, runs: np.ndarray, fits: np.ndarray) -> Pieces:
