@@ -83,9 +83,9 @@ def project(camera, px, py, pz):
 
 
 @compiled
-def near_edges(camera, eye, lines, step, size, shape):
+def near_edges(camera, eye, lines, step, size, busy):
     """
-    Tell which blocks of an image an edge may cross.
+    Mark which blocks of an image an edge may cross.
 
     Parameters
     ----------
@@ -97,17 +97,11 @@ def near_edges(camera, eye, lines, step, size, shape):
         Angle in radians that is at most 3 px.
     size
         Blocks are size x size px.
-    shape
-        Number of rows and columns of blocks.
-
-    Returns
-    -------
     busy
-        (rows, columns) bool.
+        (rows, columns) bool, a value for each block, set where an edge may cross it.
 
     """
-    rows, columns = shape
-    busy = np.zeros((rows, columns), np.bool_)
+    rows, columns = busy.shape
     for i in range(len(lines)):
         sx, sy, sz = lines[i, 0, 0], lines[i, 0, 1], lines[i, 0, 2]
         px, py, pz = sx - eye[0], sy - eye[1], sz - eye[2]
@@ -123,4 +117,3 @@ def near_edges(camera, eye, lines, step, size, shape):
                     for column in range(left, min(right + 1, columns)):
                         busy[row, column] = True
             share += step * hypot(hypot(qx, qy), qz) / length
-    return busy

@@ -23,10 +23,9 @@ BISECTIONS = 6
 
 
 @compiled
-def _nearby(boxes, camera, shape, radius):
-    """Return the boxes that may be seen in each block, then -1: (rows, columns, B) int64."""
-    rows, columns = shape
-    nearby = np.full((rows, columns, len(boxes)), -1)
+def _nearby(boxes, camera, radius, nearby):
+    """Fill in the boxes that may be seen in each block: (rows, columns, B) int64, of -1 before."""
+    rows, columns, _ = nearby.shape
     for row in range(rows):
         for column in range(columns):
             dx, dy, dz = ray(camera, (column + 0.5) * BLOCK - 0.5, (row + 0.5) * BLOCK - 0.5)
@@ -43,7 +42,6 @@ def _nearby(boxes, camera, shape, radius):
                 if square < ball * ball or across - radius * along < ball * sqrt(1 + radius ** 2):
                     nearby[row, column, count] = b
                     count += 1
-    return nearby
 
 
 @inlined
@@ -167,9 +165,12 @@ def _cast_corners(boxes, faces, patches, nearby, camera, texture, busy, cells, l
 
 
 @compiled
-def _cast_blocks(boxes, faces, patches, nearby, camera, texture, busy, cells, lights):
-    """Fill in cell and light of every corner of every pixel in blocks that see one cell."""
-    place = np.empty((4, 3))
+def _cast_blocks(boxes, faces, patches, nearby, camera, texture, busy, cells, lights, place):
+    """
+    Fill in cell and light of every corner of every pixel in blocks that see one cell.
+
+    ``place`` is room for (4, 3) float64.
+    """
     for row in range(0, cells.shape[0], BLOCK):
         for column in range(0, cells.shape[1], BLOCK):
             if busy[row // BLOCK, column // BLOCK]:
@@ -321,12 +322,14 @@ def render(surfaces: Surfaces, lines: np.ndarray, camera: Camera,
     numbers, eye = camera.numbers(), tuple(map(float, camera.position))
     blocks = height // BLOCK + 1, width // BLOCK + 1
     least, most = angles_per_pixel(camera.lens)
-    nearby = _nearby(boxes, numbers, blocks, BLOCK * most)
-    busy = near_edges(numbers, eye, lines, least * 3, BLOCK, blocks)
+    nearby, busy = np.full((*blocks, len(boxes)), -1), np.zeros(blocks, np.bool_)
+    _nearby(boxes, numbers, BLOCK * most, nearby)
+    near_edges(numbers, eye, lines, least * 3, BLOCK, busy)
     cells = np.empty((height + 1, width + 1), np.int32)
     lights, top, left = np.full((3, height + 1, width + 1), 0.5, np.float32)
-    for cast in (_cast_corners, _cast_blocks):
-        cast(boxes, faces, patches, nearby, numbers, texture, busy, cells, lights)
+    scene = boxes, faces, patches, nearby, numbers, texture, busy
+    _cast_corners(*scene, cells, lights)
+    _cast_blocks(*scene, cells, lights, np.empty((4, 3)))
     _cross(boxes, faces, rectangles, numbers, cells, top, left)
     image = np.empty(noise.shape, np.uint8)
     _mix(colours, cells, lights, top, left, noise, image)
