@@ -14,6 +14,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from qflsd_ros.core.arcs import Arcs
+
+SAMPLES = 9     # points along an arc
+
 
 @dataclass(frozen=True)
 class DivisionModel:
@@ -40,10 +44,17 @@ class DivisionModel:
                         else ((width - 1) / 2, (height - 1) / 2), float)
 
     def undistort(self, points: np.ndarray) -> np.ndarray:
-        """Map image points to where a lens without distortion shows them; (..., 2) px."""
+        """
+        Map image points to where a lens without distortion shows them; (..., 2) px.
+
+        nan where such a lens shows nothing: from the radius 1 / sqrt(|lambda|) on, at which a
+        barrel looks sideways and a pincushion folds the image over.
+        """
         q = (np.asarray(points, float) - self.origin) / self.half_diagonal
-        r2 = (q ** 2).sum(axis=-1, keepdims=True)
-        return q / (1 + self.lam * r2) * self.half_diagonal + self.origin
+        bend = self.lam * (q ** 2).sum(axis=-1, keepdims=True)
+        with np.errstate(divide='ignore', invalid='ignore'):
+            undistorted = q / (1 + bend) * self.half_diagonal + self.origin
+        return np.where(np.abs(bend) < 1, undistorted, np.nan)
 
     def distort(self, points: np.ndarray) -> np.ndarray:
         """
@@ -57,3 +68,56 @@ class DivisionModel:
         with np.errstate(invalid='ignore'):
             root = np.sqrt(1 - 4 * self.lam * r2)
         return 2 * q / (1 + root) * self.half_diagonal + self.origin
+
+    def curvature(self, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
+        """
+        Return how the pictures of straight edges are bent.
+
+        From equation (4): an edge ``B x + C y + D = 0`` of the image without distortion is seen
+        as ``lambda D (x^2 + y^2) + B x + C y + D = 0``.
+
+        Parameters
+        ----------
+        points
+            (..., 2) px, image points on the edges.
+        normals
+            (..., 2), unit normals of their pictures there.
+
+        Returns
+        -------
+        curvature
+            (...) 1/px, positive where a picture bends away from its normal.
+
+        """
+        q = (np.asarray(points, float) - self.origin) / self.half_diagonal
+        across = (q * normals).sum(axis=-1)
+        return -2 * self.lam * across / (1 - self.lam * (q ** 2).sum(axis=-1)) / self.half_diagonal
+
+
+def rectified(arcs: Arcs, model: DivisionModel) -> np.ndarray:
+    """
+    Return arcs as the straight segments that a lens without distortion shows.
+
+    Parameters
+    ----------
+    arcs
+        The arcs of an image, of which each is taken for the picture of a straight edge.
+    model
+        The lens of that image.
+
+    Returns
+    -------
+    segments
+        (M, 2, 2) float64 px in the image without distortion, which has the same scale at the
+        centre of distortion: start and end of each arc, on the straight line that is closest to
+        the whole of it.  nan where an arc reaches to where such a lens shows nothing.
+
+    """
+    points = model.undistort(arcs.samples(SAMPLES))
+    middle = points.mean(axis=1)
+    off = points - middle[:, None]
+    (xx, yy), xy = (off ** 2).sum(axis=1).T, (off[..., 0] * off[..., 1]).sum(axis=1)
+    angle = np.arctan2(2 * xy, xx - yy) / 2     # of the axis of least inertia
+    along = np.stack([np.cos(angle), np.sin(angle)], axis=-1)[:, None]
+    ends = off[:, [0, -1]]
+    return middle[:, None] + (ends * along).sum(axis=-1, keepdims=True) * along

@@ -1,10 +1,12 @@
-"""The division model: both ways, and what it makes of a straight line."""
+"""The division model: both ways, what it makes of a straight line, and arcs made straight."""
 from __future__ import annotations
 
 from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
-from qflsd_ros.core import DivisionModel
+import pytest
+from qflsd_ros.core import Arcs, DivisionModel, rectified
+from seen import arcs_of, edges
 
 lambdas = st.floats(-1.5, 0.24)
 shapes = st.tuples(st.integers(10, 3000), st.integers(10, 3000))
@@ -72,3 +74,51 @@ def test_a_line_is_seen_as_a_circle_that_tells_lambda(lam, angle, far):
     (e, f, g), *_ = np.linalg.lstsq(design, -(seen ** 2).sum(axis=1), rcond=None)
     assert np.abs((seen ** 2).sum(axis=1) + design @ (e, f, g)).max() < 1e-9
     assert np.isclose(1 / g, lam, rtol=1e-6)
+
+
+@given(lambdas, shapes, shares)
+def test_beyond_infinity_there_is_nothing(lam, shape, share):
+    lens = DivisionModel(lam, shape)
+    point = np.array(share) * (shape[1] - 1, shape[0] - 1)
+    shown = np.abs(lam) * np.square((point - lens.origin) / lens.half_diagonal).sum() < 1
+    assert np.isfinite(lens.undistort(point)).all() == shown
+
+
+@given(lambdas, st.floats(0, 2 * np.pi), st.floats(5, 200))
+def test_curvature_of_the_picture_of_an_edge(lam, angle, far):
+    lens = DivisionModel(lam, (600, 800), centre=(390.0, 310.0))
+    normal = np.array([np.cos(angle), np.sin(angle)])
+    along = np.array([-40.0, 0.0, 40.0])[:, None] * [-normal[1], normal[0]]
+    a, b, c = lens.distort(lens.origin + far * normal + along)
+    # The circle through three points; the tangent at the middle one is along the edge.
+    area = (b - a)[0] * (c - b)[1] - (b - a)[1] * (c - b)[0]
+    sides = np.hypot(*(b - a)) * np.hypot(*(c - b)) * np.hypot(*(c - a))
+    towards = np.sign((b - (a + c) / 2) @ normal)
+    assert lens.curvature(b, normal) == pytest.approx(towards * 2 * abs(area) / sides, abs=1e-9)
+
+
+@given(st.floats(-0.9, 0.2), st.integers(0, 10**6))
+def test_rectified_arcs_are_where_the_edges_are(lam, seed):
+    lens = DivisionModel(lam, (480, 640), centre=(330.0, 230.0))
+    curves = edges(lens, 10, seed)
+    segments = rectified(arcs_of(curves, 0.0), lens)
+    assert segments.shape == (10, 2, 2)
+    for segment, curve in zip(segments, curves):
+        assert segment == pytest.approx(lens.undistort(curve[[0, -1]]), abs=1e-6)
+
+
+def test_an_arc_that_is_not_quite_straight_is_rectified_to_the_line_nearest_to_it():
+    lens = DivisionModel(0.0, (480, 640))
+    turn = np.linspace(-0.05, 0.05, 101)
+    bow = np.array([320.0, 1240.0]) + 1000 * np.stack([np.sin(turn), -np.cos(turn)], 1)
+    (start, end), = rectified(arcs_of([bow], 0.0), lens)
+    assert [start[0], end[0]] == pytest.approx(bow[[0, -1], 0], abs=1e-6)
+    assert start[1] == pytest.approx(end[1]) and bow[50, 1] < start[1] < bow[0, 1]
+
+
+def test_what_an_undistorted_image_cannot_show_is_not_rectified():
+    lens = DivisionModel(-2.0, (480, 640))
+    corner, inside = ((10.0, 10), (60, 20)), ((300.0, 100), (400, 90))
+    arcs = arcs_of([np.linspace(*ends, 60) for ends in (corner, inside)])
+    assert np.isfinite(rectified(arcs, lens)).all(axis=(1, 2)).tolist() == [False, True]
+    assert rectified(Arcs.empty(), lens).shape == (0, 2, 2)
