@@ -109,7 +109,8 @@ def estimate_distortion(images: Sequence[Arcs], shape: tuple[int, int], *, centr
         Estimate the centre of distortion as well; it stays close to that of the image where the
         arcs say little about it.
     max_std
-        Standard deviation of lambda from which on it is not observable.
+        Standard deviation of lambda from which on it is not observable; where that is far from 0,
+        (1 - lambda / 3)^2 times as much, as it takes that much to bend pictures alike.
 
     Returns
     -------
@@ -118,6 +119,12 @@ def estimate_distortion(images: Sequence[Arcs], shape: tuple[int, int], *, centr
 
     """
     seen = np.concatenate([np.empty((0, COLUMNS))] + [observe(arcs, shape) for arcs in images])
+    return estimate_from(seen, shape, centre, max_std)
+
+
+def estimate_from(seen: np.ndarray, shape: tuple[int, int], centre: bool = False,
+                  max_std: float = MAX_STD) -> LensEstimate | None:
+    """Do as :func:`estimate_distortion`, from what :func:`observe` returns."""
     across = (seen[:, NORMAL:POINT] * seen[:, POINT:]).sum(axis=1)
     telling = seen[4 * across ** 2 * TELLING ** 2 > seen[:, VARIANCE]]
     if len(telling) < LEAST_ARCS:
@@ -127,9 +134,10 @@ def estimate_distortion(images: Sequence[Arcs], shape: tuple[int, int], *, centr
     agreeing = int(np.count_nonzero(straight > 0.5))
     if agreeing < max(LEAST_ARCS, LEAST_SHARE * len(telling)):
         return _not_observable(f'{agreeing} of {len(telling)} arcs agree at most')
-    if not (LOWEST <= lens[0] <= HIGHEST and deviations[0] <= max_std):
+    most = max_std * (1 - lens[0] / 3) ** 2
+    if not (LOWEST <= lens[0] <= HIGHEST and deviations[0] <= most):
         return _not_observable(f'lambda would be {lens[0]:.3f} with a standard deviation of '
-                               f'{deviations[0]:.3f}, must be at most {max_std}')
+                               f'{deviations[0]:.3f}, must be at most {most:.3f}')
     model = DivisionModel(float(lens[0]), shape)
     unit = model.half_diagonal
     if centre:

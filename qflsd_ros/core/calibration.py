@@ -1,0 +1,109 @@
+"""
+The division model in the terms of ROS's CameraInfo, which does not know it.
+
+Its maps are fitted by a rational polynomial, which is all but exact for moderate lenses, or else
+by the polynomial in the angle that is called equidistant, which is so for fisheyes, also for what
+they see behind the camera.
+
+Unit of length: half the image's diagonal.
+"""
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from qflsd_ros.core.distortion import DivisionModel
+
+RADII = 400         # at which the maps are compared
+CLOSE = 0.05        # px, by which a rational polynomial may miss the division model
+TERMS = 3           # of the rational polynomial, above and below
+ANGLE_TERMS = 4
+REWEIGHTINGS = 20
+
+
+class Calibration(NamedTuple):
+    """
+    A camera as CameraInfo describes it.
+
+    Attributes
+    ----------
+    distortion_model
+        ``rational_polynomial`` or ``equidistant``.
+    coefficients
+        (8,) or (4,) float64, D.
+    matrix
+        (3, 3) float64, K in px.
+    residual
+        Largest distance in px by which it misses the division model, all over the image.
+
+    """
+
+    distortion_model: str
+    coefficients: np.ndarray
+    matrix: np.ndarray
+    residual: float
+
+
+def calibration(model: DivisionModel, focal_length: float = 0.0) -> Calibration:
+    """
+    Return the camera that has a lens.
+
+    Parameters
+    ----------
+    model
+        The lens.
+    focal_length
+        Focal length in px at the centre, which straight edges alone do not tell; 0 stands for
+        :func:`natural_focal_length`.  What is straightened is the same with any.
+
+    """
+    focal_length = focal_length or natural_focal_length(model)
+    unit = model.half_diagonal
+    x, y = model.origin
+    height, width = model.shape
+    corner = math.hypot(max(x, width - 1 - x), max(y, height - 1 - y)) / unit
+    radii = np.linspace(0, corner, RADII + 1)[1:]
+    name, fit = 'rational_polynomial', _rational(model.lam, radii, focal_length / unit)
+    if unit * fit[1] > CLOSE:
+        name, fit = 'equidistant', _equidistant(model.lam, radii, focal_length / unit)
+    matrix = np.array([[focal_length, 0, x], [0, focal_length, y], [0, 0, 1]])
+    return Calibration(name, fit[0], matrix, unit * fit[1])
+
+
+def natural_focal_length(model: DivisionModel) -> float:
+    """
+    Return a focal length that a lens may well have, px.
+
+    That at which a barrel is stereographic, as fisheyes are by and large, but at most half the
+    image's diagonal.
+    """
+    return model.half_diagonal * min(1.0, 0.5 / math.sqrt(max(-model.lam, 0.25)))
+
+
+def _rational(lam: float, radii: np.ndarray, focal: float) -> tuple[np.ndarray, float]:
+    """Fit (1 + k1 s + k2 s^2 + k3 s^3) / (1 + k4 s + k5 s^2 + k6 s^3), s = r^2, to r_d / r."""
+    if abs(lam) * radii[-1] ** 2 >= 1:
+        return np.zeros(8), math.inf  # an undistorted image has no corners
+    straight = radii / (1 + lam * radii ** 2)
+    square = (straight / straight[-1]) ** 2
+    powers = square[:, None] ** np.arange(1, TERMS + 1)
+    design = np.concatenate([straight[:, None] * powers, -radii[:, None] * powers], axis=1)
+    below = np.ones(RADII)
+    for _ in range(REWEIGHTINGS):
+        # What is linear in the coefficients is the error times the denominator.
+        solution = np.linalg.lstsq(design / below[:, None], (radii - straight) / below, 1e-14)[0]
+        below = 1 + powers @ solution[TERMS:]
+    miss = np.abs(straight * (1 + powers @ solution[:TERMS]) / below - radii).max()
+    k = solution * np.tile((focal / straight[-1]) ** (2 * np.arange(1, TERMS + 1)), 2)
+    return np.array([k[0], k[1], 0, 0, *k[2:]]), miss if below.min() > 0 else math.inf
+
+
+def _equidistant(lam: float, radii: np.ndarray, focal: float) -> tuple[np.ndarray, float]:
+    """Fit theta (1 + k1 theta^2 + k2 theta^4 + k3 theta^6 + k4 theta^8) to r_d / f."""
+    angles = np.arctan2(radii, focal * (1 + lam * radii ** 2))
+    powers = angles[:, None] ** (2 * np.arange(1, ANGLE_TERMS + 1) + 1)
+    solution = np.linalg.lstsq(powers, radii / focal - angles, 1e-14)[0]
+    miss = focal * np.abs(angles + powers @ solution - radii / focal).max()
+    return solution, miss
