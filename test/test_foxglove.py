@@ -43,3 +43,41 @@ def test_topics_are_those_of_the_node() -> None:
              if isinstance(leaf, str) and leaf.startswith('/')}
     assert named == {'/detector/overlay', '/detector/markers', '/detector/arcs', '/diagnostics'}
     assert named <= published
+
+
+# Panels of Foxglove, as far as they are of use here, and the settings that it writes for each.
+PANELS = {
+    'Image': {'cameraState', 'followMode', 'imageMode', 'layers', 'publish', 'scene', 'topics',
+              'transforms'},
+    '3D': {'cameraState', 'followMode', 'imageMode', 'layers', 'publish', 'scene', 'topics',
+           'transforms'},
+    'DiagnosticStatusPanel': {'collapsedSections', 'selectedHardwareId', 'selectedName',
+                              'splitFraction', 'topicToRender'},
+    'Plot': {'isSynced', 'legendDisplay', 'paths', 'showLegend', 'showPlotValuesInLegend',
+             'showXAxisLabels', 'showYAxisLabels', 'sidebarDimension', 'title', 'xAxisVal'}}
+CAMERA = {'distance', 'far', 'fovy', 'near', 'perspective', 'phi', 'target', 'targetOffset',
+          'targetOrientation', 'thetaOffset'}
+
+
+def splits(node: Any) -> Iterator[Any]:
+    """Return the places of a layout where it divides."""
+    if isinstance(node, dict):
+        yield node
+        yield from splits(node['first'])
+        yield from splits(node['second'])
+
+
+def test_every_panel_and_setting_is_one_of_foxglove() -> None:
+    """It is laid out like the layouts that Foxglove exports."""
+    assert set(LAYOUT) <= {'configById', 'globalVariables', 'layout', 'playbackConfig',
+                           'userNodes'}
+    for name, config in LAYOUT['configById'].items():
+        kind, mark, identity = name.partition('!')
+        assert set(config) <= PANELS[kind] and mark and identity
+        assert set(config.get('cameraState', {})) <= CAMERA
+    for path in LAYOUT['configById']['Plot!arcs']['paths']:
+        assert set(path) <= {'enabled', 'timestampMethod', 'value'}
+        assert path['timestampMethod'] in ('headerStamp', 'receiveTime')
+    for split in splits(LAYOUT['layout']):
+        assert set(split) <= {'direction', 'first', 'second', 'splitPercentage'}
+        assert split['direction'] in ('row', 'column')

@@ -23,3 +23,45 @@ def test_its_topics_are_published_as_the_types_that_it_shows() -> None:
     assert shown
     assert shown.items() <= {(topic.replace('~', '/detector'), type_.__name__)
                              for topic, type_, _ in OUTPUTS}
+
+
+# What rviz_common and the plugins_description.xml of rviz_default_plugins of Jazzy offer, as far as
+# it is of use here, and the settings that RViz itself writes for each.
+TOPIC = {'Value', 'Depth', 'History Policy', 'Reliability Policy', 'Durability Policy',
+         'Filter size'}
+COMMON = {'Class', 'Name', 'Enabled', 'Value'}
+DISPLAYS = {
+    'rviz_default_plugins/Image': COMMON | {
+        'Max Value', 'Median window', 'Min Value', 'Normalize Range', 'Topic'},
+    'rviz_default_plugins/MarkerArray': COMMON | {'Namespaces', 'Topic'}}
+PANELS = {'rviz_common/Displays', 'rviz_common/Selection', 'rviz_common/Time',
+          'rviz_common/Tool Properties', 'rviz_common/Views'}
+TOOLS = {'rviz_default_plugins/Interact', 'rviz_default_plugins/Measure',
+         'rviz_default_plugins/MoveCamera', 'rviz_default_plugins/Select'}
+TOP_DOWN = {'Angle', 'Class', 'Enable Stereo Rendering', 'Invert Z Axis', 'Name',
+            'Near Clip Distance', 'Scale', 'Target Frame', 'Value', 'X', 'Y'}
+
+
+def test_every_class_and_setting_is_one_of_rviz() -> None:
+    """RViz drops what it does not know without a word."""
+    config = yaml.safe_load(FILE.read_text())
+    assert set(config) == {'Panels', 'Visualization Manager', 'Window Geometry'}
+    assert {panel['Class'] for panel in config['Panels']} <= PANELS
+    assert set(MANAGER) <= {'Class', 'Displays', 'Enabled', 'Global Options', 'Name', 'Tools',
+                            'Transformation', 'Value', 'Views'}
+    assert set(MANAGER['Global Options']) == {'Background Color', 'Fixed Frame', 'Frame Rate'}
+    assert {tool['Class'] for tool in MANAGER['Tools']} <= TOOLS
+    for display in MANAGER['Displays']:
+        assert set(display) <= DISPLAYS[display['Class']]
+        assert set(display['Topic']) <= TOPIC
+    view = MANAGER['Views']['Current']
+    assert view['Class'] == 'rviz_default_plugins/TopDownOrtho' and set(view) <= TOP_DOWN
+
+
+def test_its_quality_of_service_matches_that_of_the_node() -> None:
+    """The node publishes reliably, nothing of before."""
+    for display in MANAGER['Displays']:
+        topic = display['Topic']
+        assert topic['History Policy'] == 'Keep Last' and topic['Depth'] >= 1
+        assert topic['Reliability Policy'] in ('Reliable', 'Best Effort')
+        assert topic['Durability Policy'] == 'Volatile'
