@@ -25,8 +25,8 @@ def test_its_topics_are_published_as_the_types_that_it_shows() -> None:
                              for topic, type_, _ in OUTPUTS}
 
 
-# What rviz_common and the plugins_description.xml of rviz_default_plugins of Jazzy offer, as far as
-# it is of use here, and the settings that RViz itself writes for each.
+# What rviz_common and rviz_default_plugins (plugins_description.xml) of Jazzy offer, as far as it is
+# of use here, and the settings that RViz itself writes for each.
 TOPIC = {'Value', 'Depth', 'History Policy', 'Reliability Policy', 'Durability Policy',
          'Filter size'}
 COMMON = {'Class', 'Name', 'Enabled', 'Value'}
@@ -43,7 +43,7 @@ TOP_DOWN = {'Angle', 'Class', 'Enable Stereo Rendering', 'Invert Z Axis', 'Name'
 
 
 def test_every_class_and_setting_is_one_of_rviz() -> None:
-    """RViz drops what it does not know without a word."""
+    """What RViz does not know, it drops without a word."""
     config = yaml.safe_load(FILE.read_text())
     assert set(config) == {'Panels', 'Visualization Manager', 'Window Geometry'}
     assert {panel['Class'] for panel in config['Panels']} <= PANELS

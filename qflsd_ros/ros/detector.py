@@ -10,7 +10,7 @@ from __future__ import annotations
 from threading import Thread
 import time
 import traceback
-from typing import Callable, NamedTuple
+from typing import Any, Callable, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 import numpy as np
@@ -127,6 +127,7 @@ class DetectorNode(Node):
         self._planes = self._advertise(PointCloud2, '~/planes')
         self._diagnostics = self._advertise(DiagnosticArray, '/diagnostics')
         self._camera_info: CameraInfo | None = None
+        self._number: int | None = None  # of the last frame, as its publisher counts
         self._images = LazySubscription(self, self._subscribe)
         self._calibration = LazySubscription(self, self._subscribe_calibration)
         self._follow_listeners()
@@ -172,6 +173,7 @@ class DetectorNode(Node):
             qos_overriding_options=QoSOverridingOptions.with_default_policies())
 
     def _subscribe(self) -> Subscription:
+        self._number = None
         # The suffix follows the remapped name, as with image_transport.
         topic = self._image_topic + self._transport.suffix
         return self.create_subscription(
@@ -196,13 +198,24 @@ class DetectorNode(Node):
     def _calibrate(self, message: CameraInfo) -> None:
         self._camera_info = message
 
-    def _receive(self, message: Image | CompressedImage) -> None:
+    def _receive(self, message: Image | CompressedImage, info: dict[str, Any]) -> None:
         self._statistics.arrived()
+        self._statistics.lost(self._missing(info.get('publication_sequence_number')))
         if self._slot.put(Frame(message, time.monotonic())):
             self._statistics.dropped()
 
+    def _missing(self, number: int | None) -> int:
+        """Return how many frames the camera has published between the last one here and this."""
+        last, self._number = self._number, number
+        if last is None or number is None or number <= last + 1:
+            return 0  # the first one, of a middleware that does not number, or after no gap
+        topic = self._image_topic + self._transport.suffix
+        # Two cameras on one topic number their frames each on its own.
+        return number - last - 1 if self.count_publishers(topic) == 1 else 0
+
     def _count_lost(self, event: QoSMessageLostInfo) -> None:
-        self._statistics.lost(event.total_count_change)
+        if self._number is None:
+            self._statistics.lost(event.total_count_change)
 
     def _work(self) -> None:
         for frame in self._slot:

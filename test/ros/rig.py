@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 NODE = ('-m', 'qflsd_ros.ros', 'detector', '--ros-args')
 TYPES = {'segments': PointCloud2, 'arcs': PointCloud2, 'markers': MarkerArray, 'overlay': Image,
          'planes': PointCloud2}
+COUNTS = ('frames', 'frames lost', 'frames dropped', 'frames bad')
 stamps = itertools.count(1000)
 
 
@@ -63,6 +64,7 @@ class Rig:
         self.camera = peer.node.create_publisher(camera_type, topic, camera_qos)
         self.subscriptions = {output: self.listen(output) for output in listen}
         self.reports: list[DiagnosticStatus] = []
+        self.published = 0
         peer.node.create_subscription(
             DiagnosticArray, '/diagnostics',
             lambda message: self.reports.extend(message.status), 10)
@@ -82,7 +84,38 @@ class Rig:
         def result() -> Any:
             return next((answer for answer in self.received[output]
                          if header(answer) == message.header), None)
-        return self.peer.until(result, lambda: self.camera.publish(message))
+        return self.peer.until(result, lambda: self.publish(message))
+
+    def publish(self, message: Image | CompressedImage) -> None:
+        """Show a frame to the detector once, and count it."""
+        self.camera.publish(message)
+        self.published += 1
+
+    def total(self) -> int:
+        """Return the number of frames that the newest diagnostics account for in any way."""
+        counts = values(self.reports[-1]) if self.reports else {}
+        return sum(int(counts.get(key, 0)) for key in COUNTS)
+
+    def settle(self) -> None:
+        """Return when diagnostics account for every frame that was published so far."""
+        self.detect(image(SCENE))
+        self.reports.clear()
+        before = -1
+
+        def stable() -> bool:
+            nonlocal before
+            if len(self.reports) < 2:
+                return False
+            before, total = self.total(), before
+            self.reports.clear()
+            return before == total
+        self.peer.until(stable)
+        self._begin = self.published - before
+
+    def accounted(self) -> bool:
+        """Tell whether every frame published since :meth:`settle` is accounted for, just once."""
+        assert self.total() <= self.published - self._begin
+        return self.total() == self.published - self._begin
 
     def show(self, message: Image | CompressedImage, text: str) -> None:
         """Show a frame to the detector until its log holds a text."""

@@ -1,0 +1,153 @@
+"""Faults around the detector, over real DDS: it is right after each, and counts what was lost."""
+from __future__ import annotations
+
+import itertools
+import signal
+import time
+from typing import Callable, Iterator, TYPE_CHECKING
+
+import cv2
+from diagnostic_msgs.msg import DiagnosticStatus
+import numpy as np
+import pytest
+from qflsd_ros.core import Detector, Parameters
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter as RosParameter
+from rig import EXPECTED, image, Rig, same, SCENE, values
+
+if TYPE_CHECKING:
+    from conftest import Peer
+
+CAMERA = ('-m', 'qflsd_ros.ros', 'camera', '--ros-args', '-p', 'width:=160', '-p', 'height:=120')
+WAYS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+    'mono8': lambda gray: gray,
+    'rgb8': lambda gray: np.dstack([gray] * 3),
+    'mono16': lambda gray: gray * np.uint16(257),
+    'bgra8': lambda gray: np.dstack([gray] * 4),
+    'yuyv': lambda gray: np.dstack([gray, 255 - gray]),
+    '32FC1': lambda gray: gray / np.float32(255)}
+
+
+@pytest.fixture(scope='module')
+def rig(module_peer: Peer) -> Iterator[Rig]:
+    """Give one detector that the tests of this module share, and whose faults add up."""
+    yield Rig(module_peer).ready()
+
+
+@pytest.fixture(autouse=True)
+def right_afterwards(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Hold the shared detector to its duty after every fault."""
+    yield
+    if 'rig' in request.fixturenames:
+        rig: Rig = request.getfixturevalue('rig')
+        assert same(rig.detect(image(SCENE)), EXPECTED)
+        assert rig.process.popen.poll() is None
+        assert 'Traceback' not in rig.process.output
+
+
+def publish_for(rig: Rig, seconds: float, rate: float, meanwhile: Callable[[], None] = lambda: None
+                ) -> None:
+    """Publish frames at a rate for a while."""
+    end = time.monotonic() + seconds
+    rig.peer.until(lambda: time.monotonic() > end,
+                   lambda: (rig.publish(image(SCENE)), meanwhile()), period=1 / rate)
+
+
+def account(rig: Rig) -> None:
+    """Return when every frame is accounted for; a last gap shows with the frame behind it."""
+    rig.peer.until(rig.accounted, lambda: rig.publish(image(SCENE)), period=0.5)
+
+
+def test_frames_that_change_size_and_encoding_from_one_to_the_next(rig: Rig) -> None:
+    rig.settle()
+    grays = {size: cv2.resize(SCENE, size[::-1], interpolation=cv2.INTER_NEAREST)
+             for size in ((240, 320), (1, 7), (96, 200), (480, 31))}
+    expected = {size: Detector().detect(gray).polylines(0.1) for size, gray in grays.items()}
+    kinds = list(itertools.product(grays, WAYS))
+    for number in range(48):
+        size, encoding = kinds[number * 7 % len(kinds)]  # 7: neighbours differ in both
+        message = image(WAYS[encoding](grays[size]), encoding)
+        assert same(rig.detect(message), expected[size]), (size, encoding)
+    account(rig)
+
+
+def test_a_storm_of_parameters(rig: Rig) -> None:
+    """Two hundred sets in a second, each answered, the last one in force; frames go on."""
+    rig.settle()
+    client = rig.peer.node.create_client(SetParameters, '/detector/set_parameters')
+    rig.peer.until(client.service_is_ready)
+    lengths = itertools.cycle([15.0, 130.0, 40.0])
+    answers = []
+
+    def set_some() -> None:
+        for _ in range(4):
+            change = RosParameter('min_length', value=next(lengths)).to_parameter_msg()
+            answers.append(client.call_async(SetParameters.Request(parameters=[change])))
+
+    publish_for(rig, 2.0, 50.0, set_some)
+    assert len(answers) > 200
+    rig.peer.until(lambda: all(answer.done() for answer in answers))
+    assert all(answer.result().results[0].successful for answer in answers)
+    assert rig.change(min_length=130.0)[0].successful
+    expected = Detector(Parameters(min_length=130.0)).detect(SCENE).polylines(0.1)
+    assert same(rig.detect(image(SCENE)), expected)
+    assert rig.change(min_length=15.0)[0].successful
+    account(rig)
+
+
+def test_listeners_that_come_and_go_a_hundred_times(rig: Rig) -> None:
+    peer = rig.peer
+    for number in range(100):
+        listener = rig.listen(('arcs', 'overlay', 'markers', 'planes')[number % 4])
+        if number % 5 == 0:  # some are gone before the detector has seen them
+            rig.publish(image(SCENE))
+            peer.until(lambda: peer.node.count_subscribers('/camera_info') == (number % 4 == 3))
+        peer.node.destroy_subscription(listener)
+    listener = rig.listen('arcs')
+    assert rig.detect(image(SCENE), 'arcs').width == len(EXPECTED)
+    peer.node.destroy_subscription(listener)
+
+
+def test_a_detector_that_is_stopped_for_a_while(rig: Rig) -> None:
+    """It goes on with the newest frame, and counts those that it missed."""
+    rig.settle()
+    lost = int(values(rig.report('frames lost'))['frames lost'])
+    rig.process.popen.send_signal(signal.SIGSTOP)
+    try:
+        publish_for(rig, 2.0, 30.0)
+    finally:
+        rig.process.popen.send_signal(signal.SIGCONT)
+    assert same(rig.detect(image(SCENE)), EXPECTED)
+    account(rig)
+    counts = values(rig.reports[-1])
+    assert int(counts['frames lost']) - lost + int(counts['frames dropped']) > 20
+
+
+def test_two_cameras_on_one_topic(rig: Rig) -> None:
+    """Each numbers its frames on its own: nothing is lost, and nothing counts as lost."""
+    rig.settle()
+    lost = values(rig.report('frames lost'))['frames lost']
+    first, rig.camera = rig.camera, rig.peer.node.create_publisher(
+        type(image(SCENE)), rig.topic, 1)
+    rig.ready()
+    for _ in range(5):
+        assert same(rig.detect(image(SCENE)), EXPECTED)
+        rig.camera, first = first, rig.camera
+    rig.peer.node.destroy_publisher(first)
+    assert values(rig.report('frames lost'))['frames lost'] == lost
+
+
+def test_a_camera_that_is_killed_and_comes_back(peer: Peer) -> None:
+    rig = Rig(peer)
+    found = rig.received['segments']
+    for _ in range(2):
+        camera = peer.run(*CAMERA)
+        begin = len(found)
+        peer.until(lambda: len(found) > begin + 5)
+        assert rig.report('detecting').level == DiagnosticStatus.OK
+        camera.popen.kill()
+        camera.wait()
+        # Nothing comes, and that is said.
+        assert rig.report('no frame came in').level == DiagnosticStatus.WARN
+    assert 'Traceback' not in rig.process.output
+    assert rig.process.stop() == 0
