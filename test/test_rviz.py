@@ -25,8 +25,8 @@ def test_its_topics_are_published_as_the_types_that_it_shows() -> None:
                              for topic, type_, _ in OUTPUTS}
 
 
-# What rviz_common and rviz_default_plugins (plugins_description.xml) of Jazzy offer, as far as it is
-# of use here, and the settings that RViz itself writes for each.
+# What rviz_common and rviz_default_plugins (plugins_description.xml) of Jazzy offer, as far as it
+# is of use here, and the settings that RViz itself writes for each.
 TOPIC = {'Value', 'Depth', 'History Policy', 'Reliability Policy', 'Durability Policy',
          'Filter size'}
 COMMON = {'Class', 'Name', 'Enabled', 'Value'}
