@@ -5,6 +5,7 @@ import argparse
 from concurrent.futures import as_completed, FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from dataclasses import dataclass
 import multiprocessing
+import os
 from pathlib import Path
 import signal
 import sys
@@ -142,9 +143,9 @@ def check(arguments: argparse.Namespace, files: list[Path]) -> None:
         raise SettingsError('no input found: INPUT must be an image, a video, a folder of them '
                             'or a glob pattern that matches some')
     folder = arguments.output
-    written = {(folder / f'{name}.png').resolve() for name in inputs.names(files)}
+    written = {os.path.realpath(folder / f'{name}.png') for name in inputs.names(files)}
     for path in files:
-        if path.resolve() in written:
+        if os.path.realpath(path) in written:
             raise SettingsError(f'{str(path)!r} would be overwritten by its own results: '
                                 'choose another folder by --output')
     for path, name in zip(files, inputs.names(files)):
@@ -164,8 +165,7 @@ def run(files: list[Path], missing: list[str], parameters: Parameters,
     begin, done, errors = time.perf_counter(), [], []
     folder, topic, jobs = arguments.output, arguments.topic, arguments.jobs
     total = sum(inputs.count(path, topic) for path in files)
-    with Recordings(folder) as bags, tqdm(
-            total=total, unit='image', disable=True if total == 1 else None) as progress:
+    with tqdm(total=total, unit='image', disable=True if total == 1 else None) as progress:
         def tell(text: str) -> None:
             progress.write(f'detect: {text}', file=sys.stderr)
 
@@ -175,15 +175,16 @@ def run(files: list[Path], missing: list[str], parameters: Parameters,
 
         for argument in missing:
             complain(f'{argument!r}: no such file, and no file matches it')
-        for outcome in outcomes(readable(files, topic, complain, tell), parameters, folder,
-                                jobs):
-            progress.update()
-            if outcome.error:
-                complain(outcome.error)
-                continue
-            done.append(outcome)
-            if outcome.cloud:
-                bags.write(outcome.cloud)
+        pictures = readable(files, topic, complain, tell)
+        with Recordings(folder, complain) as bags:
+            for outcome in outcomes(pictures, parameters, folder, jobs):
+                progress.update()
+                if outcome.error:
+                    complain(outcome.error)
+                    continue
+                done.append(outcome)
+                if outcome.cloud:
+                    bags.write(outcome.cloud)
     milliseconds = 1e3 * sum(outcome.seconds for outcome in done) / max(1, len(done))
     print(f'{len(done)} images, {sum(outcome.arcs for outcome in done)} arcs in '
           f'{time.perf_counter() - begin:.1f} s, {milliseconds:.2f} ms of detection (CPU) per '

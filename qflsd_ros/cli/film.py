@@ -8,6 +8,8 @@ import time
 import cv2
 import numpy as np
 
+from qflsd_ros.sources.video import quiet_capture
+
 RATE = 30  # frames per second
 
 
@@ -15,7 +17,8 @@ class Film:
     """
     Writes pictures as an MP4 that plays at the pace at which they came.
 
-    A context manager: the file is there, whole, after leaving, unless no picture came.
+    A context manager: the file is there, whole, after leaving, unless no picture came; leaving
+    raises OSError where it could not be written.
     """
 
     def __init__(self, path: Path) -> None:
@@ -33,7 +36,7 @@ class Film:
         if self._writer is not None:
             self._hold(self._last)
             self._writer.release()
-            os.replace(self._partial, self._path)
+            self._publish()
 
     def show(self, pixels: np.ndarray) -> None:
         """Take a picture, (H, W, 3) uint8 B, G, R; OSError where the file cannot be written."""
@@ -51,6 +54,14 @@ class Film:
         if not self._writer.isOpened():
             self._writer = None
             raise OSError(f'{str(self._path)!r} cannot be written as a video')
+
+    def _publish(self) -> None:
+        """Give the file its name; OpenCV does not tell whether all of it could be written."""
+        if quiet_capture(str(self._partial)).get(cv2.CAP_PROP_FRAME_COUNT) < self._frames:
+            self._partial.unlink(missing_ok=True)
+            raise OSError(f'{str(self._path)!r}: could not be written to its end: is the disk '
+                          'full?')
+        os.replace(self._partial, self._path)
 
     def _hold(self, pixels: np.ndarray) -> None:
         """Show a picture until now."""

@@ -9,6 +9,8 @@ import zlib
 import cv2
 import numpy as np
 
+from qflsd_ros.cli.writing import write_whole
+
 
 class Gallery:
     """
@@ -63,4 +65,4 @@ class Gallery:
 
 
 def _write(path: Path, pixels: np.ndarray) -> None:
-    path.write_bytes(cv2.imencode('.png', pixels)[1].tobytes())
+    write_whole(path, cv2.imencode('.png', pixels)[1].tobytes())

@@ -3,7 +3,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass
-import glob
+import os
 from pathlib import Path
 from typing import Iterable, Iterator, NamedTuple
 
@@ -72,19 +72,29 @@ def find(arguments: Iterable[str]) -> tuple[list[Path], list[str]]:
         if not found:
             missing.append(argument)
         for path in found:
-            files.setdefault(path.resolve(), path)
+            files.setdefault(Path(os.path.realpath(path)), path)
     return list(files.values()), missing
 
 
 def _expand(argument: str) -> Iterator[Path]:
     path = Path(argument)
-    matches = [path] if path.exists() else map(Path, sorted(glob.glob(argument, recursive=True)))
-    for match in matches:
+    for match in [path] if path.exists() else _matches(path):
         if match.is_dir() and not is_bag(match):
             yield from (file for file in sorted(match.iterdir(), key=natural_order)
                         if file.suffix.lower() in IMAGE_SUFFIXES + VIDEO_SUFFIXES)
         else:
             yield match
+
+
+def _matches(pattern: Path) -> list[Path]:
+    """Return what matches a glob pattern, but for what is hidden; links to folders end there."""
+    folder = Path(pattern.anchor)
+    try:
+        found = sorted(folder.glob(str(pattern.relative_to(folder))))
+    except ValueError:
+        return []  # ** and something else between two slashes
+    return [path for path in found
+            if not any(part.startswith('.') and part not in pattern.parts for part in path.parts)]
 
 
 def count(path: Path, topic: str) -> int:
@@ -115,7 +125,7 @@ def names(files: list[Path]) -> list[str]:
     Files of one folder that differ in their suffix alone keep it; files of the same name in
     different folders get the folder's name before theirs.
     """
-    folders = [path.parent.resolve() for path in files]
+    folders = [Path(os.path.realpath(path.parent)) for path in files]
     alike = Counter((folder, path.stem) for folder, path in zip(folders, files))
     parts = [(*folder.parts[1:], path.stem if alike[folder, path.stem] == 1 else path.name)
              for folder, path in zip(folders, files)]

@@ -1,14 +1,16 @@
 """Bags with the segments of the bags that were read; without ROS."""
 from __future__ import annotations
 
-from contextlib import ExitStack
+from contextlib import contextmanager
+import os
 from pathlib import Path
-from typing import NamedTuple
+import shutil
+from typing import Iterator, NamedTuple
 
 import numpy as np
 from qflsd_ros.cli.inputs import Moment
 from qflsd_ros.rows import DATATYPES
-from rosbags.interfaces import Connection
+from qflsd_ros.sources.frames import Report
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import get_typestore, Stores
 
@@ -29,35 +31,82 @@ def path_of(folder: Path, bag: str) -> Path:
     return folder / f'{bag}_segments'
 
 
+class Recording:
+    """One bag, written in a folder of its own beside its place."""
+
+    def __init__(self, path: Path) -> None:
+        """Take the place of the bag; nothing is written yet."""
+        self._path, self._folder = path, path.with_name(f'.{path.name}.part')
+        self._writer: Writer | None = None
+
+    def write(self, cloud: Cloud) -> None:
+        """Write the segments of one image."""
+        if self._writer is None:
+            self.discard()  # what a process that was killed has left
+            self._writer = Writer(self._folder / self._path.name, version=9,
+                                  storage_plugin=StoragePlugin.MCAP)
+            self._writer.open()
+            self._connection = self._writer.add_connection(TOPIC, KIND, typestore=TYPES)
+        self._writer.write(self._connection, cloud.moment.recorded, serialised(cloud))
+
+    def finish(self) -> None:
+        """Bring the whole bag to its place."""
+        assert self._writer is not None
+        self._writer.close()
+        os.rename(self._folder / self._path.name, self._path)
+        self._folder.rmdir()
+
+    def discard(self) -> None:
+        """Leave nothing behind."""
+        shutil.rmtree(self._folder, ignore_errors=True)
+
+
 class Recordings:
     """
     Writes a bag for each bag that was read: the topic ``/detector/segments``, as the node's.
 
-    A context manager; bags are finished on leaving.
+    A context manager.  Bags are finished on leaving, and are whole: one that cannot be written, or
+    that an exception has cut short, is not there.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, complain: Report) -> None:
         """Write into a folder, where none of the bags may exist yet."""
-        self._folder = folder
-        self._open: dict[str, tuple[Writer, Connection]] = {}
-        self._stack = ExitStack()
+        self._folder, self._complain = folder, complain
+        self._open: dict[str, Recording] = {}
+        self._failed: set[str] = set()
 
     def __enter__(self) -> Recordings:
         """Return this."""
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         """Finish the bags."""
-        self._stack.close()
+        for bag, recording in list(self._open.items()):
+            with self._or_without(bag):
+                if kind is None:
+                    recording.finish()
+                else:
+                    recording.discard()
 
     def write(self, cloud: Cloud) -> None:
         """Write the segments of one image."""
-        if cloud.bag not in self._open:
-            writer = self._stack.enter_context(Writer(
-                path_of(self._folder, cloud.bag), version=9, storage_plugin=StoragePlugin.MCAP))
-            self._open[cloud.bag] = writer, writer.add_connection(TOPIC, KIND, typestore=TYPES)
-        writer, connection = self._open[cloud.bag]
-        writer.write(connection, cloud.moment.recorded, serialised(cloud))
+        if cloud.bag in self._failed:
+            return
+        with self._or_without(cloud.bag):
+            if cloud.bag not in self._open:
+                self._open[cloud.bag] = Recording(path_of(self._folder, cloud.bag))
+            self._open[cloud.bag].write(cloud)
+
+    @contextmanager
+    def _or_without(self, bag: str) -> Iterator[None]:
+        """Complain about a bag that cannot be written, and do without it from then on."""
+        try:
+            yield
+        except OSError as error:
+            self._failed.add(bag)
+            if recording := self._open.pop(bag, None):
+                recording.discard()
+            self._complain(f'{str(path_of(self._folder, bag))!r} cannot be written: {error}')
 
 
 def serialised(cloud: Cloud) -> memoryview | bytes:

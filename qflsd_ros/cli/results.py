@@ -5,7 +5,6 @@ import csv
 import dataclasses
 import io
 import json
-import os
 from pathlib import Path
 
 import cv2
@@ -13,6 +12,7 @@ import numpy as np
 
 from qflsd_ros import overlay
 from qflsd_ros.cli.inputs import Picture
+from qflsd_ros.cli.writing import write_whole
 from qflsd_ros.core import Arcs, Parameters
 
 SUFFIXES = ('.png', '.csv', '.json')
@@ -35,7 +35,7 @@ def write(folder: Path, picture: Picture, pixels: np.ndarray, arcs: Arcs,
                 table(arcs).encode(),
                 description(picture, pixels.shape[:2], arcs, parameters).encode())
     for suffix, content in zip(SUFFIXES, contents):
-        _replace(base.with_name(base.name + suffix), content)
+        write_whole(base.with_name(base.name + suffix), content)
 
 
 def table(arcs: Arcs) -> str:
@@ -62,13 +62,3 @@ def description(picture: Picture, shape: tuple[int, int], arcs: Arcs,
         'arcs': [dict(zip(names, row)) | {'points': points.tolist()}
                  for *row, points in zip(*columns, arcs.polylines())],
     })
-
-
-def _replace(path: Path, content: bytes) -> None:
-    """Write a file so that nobody ever sees half of it."""
-    partial = path.with_name(f'.{path.name}.part')
-    try:
-        partial.write_bytes(content)
-        os.replace(partial, path)
-    finally:
-        partial.unlink(missing_ok=True)

@@ -71,8 +71,9 @@ def _sections(path: Path) -> list[dict[str, Any]]:
     """Return what a ROS parameter file says of the detector, section by section."""
     try:
         nodes = yaml.safe_load(path.read_text(encoding='utf-8'))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise SettingsError(f'{path}: cannot be read: {error}') from error
+    except Exception as error:  # A tag on what it does not fit raises anything: !!bool 3.
+        what = ' '.join(str(error).split()) or type(error).__name__
+        raise SettingsError(f'{path}: cannot be read: {what}') from error
     layout = SettingsError(f'{path}: must have the layout of a ROS parameter file: '
                            '"/**:", below it "ros__parameters:", below that "name: value" lines')
     if not isinstance(nodes, dict):

@@ -73,5 +73,5 @@ class NodeParameters:
 def check_together(detector: Parameters, node: NodeParameters) -> None:
     """Raise ValueError where parameters of the detector and the node contradict each other."""
     if detector.method == 'paper' and node.has_region:
-        raise ValueError("method is 'paper': must be 'arcs' with a mask or a region (roi_x, roi_y, "
-                         'roi_width, roi_height), of which the paper knows nothing')
+        raise ValueError("method is 'paper': must be 'arcs' with a mask or a region (roi_x, "
+                         'roi_y, roi_width, roi_height), of which the paper knows nothing')

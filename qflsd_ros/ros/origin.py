@@ -27,7 +27,7 @@ def _lines(file: str) -> Iterator[tuple[str, int]]:
     """Yield every parameter of a file with its line, from 1."""
     try:
         root = yaml.compose(Path(file).read_text(encoding='utf-8'))
-    except (OSError, ValueError, yaml.YAMLError):
+    except (OSError, ValueError, RecursionError, yaml.YAMLError):
         return  # rcl has said what is wrong with it
     for path, line in _keys(root):
         _, section, name = path.partition(SECTION)

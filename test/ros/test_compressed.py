@@ -70,7 +70,7 @@ def test_what_is_too_large_is_refused_before_it_is_decoded(claiming, width: int,
 @given(start=st.sampled_from([PNG, JPEG, b'\xff\xd8', b'']), cut=st.integers(0, 2000),
        at=st.integers(0, 700), other=st.binary(max_size=20))
 def test_any_data_gives_a_frame_or_a_decoding_error(start: bytes, cut: int, at: int,
-                                                  other: bytes) -> None:
+                                                    other: bytes) -> None:
     data = (start[:at] + other + start[at + len(other):])[:cut]
     try:
         gray = compressed.decode(message(data))
