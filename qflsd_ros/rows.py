@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 from qflsd_ros.core.arcs import Arcs
+from qflsd_ros.core.distortion import DivisionModel, rectified
+from qflsd_ros.core.estimation import with_straightness
 from qflsd_ros.core.planes import Planes
 
 # Points of an arc follow each other from its start to its end; segment is the number of the arc.
@@ -15,7 +17,7 @@ SEGMENT_POINT = np.dtype([('x', '<f4'), ('y', '<f4'), ('z', '<f4'), ('segment', 
 # x, y, z (the middle of the arc, 0) for RViz, then the columns of the table with 32 bits each.
 ARC = np.dtype([('x', '<f4'), ('y', '<f4'), ('z', '<f4')] + [
     (name, f'<{column.dtype.kind}4')
-    for name, column in Arcs.empty().columns().items()])
+    for name, column in with_straightness(Arcs.empty(), None).columns().items()])
 
 # Normal of the plane, upper triangle of its covariance row by row, and the number of the arc.
 PLANE = np.dtype(
@@ -41,9 +43,26 @@ def of_segments(arcs: Arcs, tolerance: float) -> np.ndarray:
     return rows
 
 
+def of_rectified(arcs: Arcs, model: DivisionModel) -> np.ndarray:
+    """
+    Return the ends of what straight edges look like without the lens: (2 N,) of SEGMENT_POINT.
+
+    Left out are arcs that are known not to be pictures of straight edges, by their column
+    ``straight``, and those that an image without distortion cannot show.
+    """
+    segments = rectified(arcs, model)
+    shown = np.flatnonzero(np.isfinite(segments).all(axis=(1, 2))
+                           & ~(arcs.table['straight'] < 0.5))
+    rows = np.zeros(2 * len(shown), SEGMENT_POINT)
+    rows['x'], rows['y'] = segments[shown].reshape(-1, 2).T
+    rows['segment'] = np.repeat(shown, 2)
+    return rows
+
+
 def of_arcs(arcs: Arcs) -> np.ndarray:
-    """Return one record for every arc: (M,) of :data:`ARC`."""
+    """Return one record for every arc: (M,) of :data:`ARC`; nan where it lacks ``straight``."""
     rows = np.zeros(len(arcs), ARC)
+    rows['straight'] = np.nan
     for name, column in arcs.columns().items():
         rows[name] = column
     rows['x'], rows['y'] = arcs.table['middle'].T

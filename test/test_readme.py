@@ -15,6 +15,9 @@ from qflsd_ros.ros import outputs
 from qflsd_ros.ros.detector import OUTPUTS
 from qflsd_ros.ros.diagnostics import Statistics
 from qflsd_ros.ros.images import LAYOUTS
+from qflsd_ros.ros.lens import CameraLens
+from qflsd_ros.ros.node_parameters import NodeParameters
+from qflsd_ros.sources import Scene
 from std_msgs.msg import Header
 
 ROOT = Path(__file__).parents[1]
@@ -80,18 +83,32 @@ def test_every_key_of_diagnostics_is_listed() -> None:
         value.key for value in status.values]
 
 
+def test_every_key_of_the_lens_is_listed() -> None:
+    gray = Scene(640, 480, lam=-0.4).image(400)
+    camera, settings = CameraLens(), NodeParameters()
+    camera.follow(Detector().detect(gray), gray.shape, settings)
+    table = re.search(r'<!-- keys of lens -->\n((\|.*\n)+)', README)[1]
+    assert first_column(table) == list(camera.values(settings))
+
+
 def test_snippets_in_python_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """They come one after the other: messages, then the library."""
     monkeypatch.chdir(tmp_path)
     gray = picture()
     cv2.imwrite('photo.jpg', gray, [cv2.IMWRITE_JPEG_QUALITY, 100])
     arcs = Detector().detect(gray)
-    messages, library = code('python')
+    lens, messages, library = code('python')
     scope: dict[str, Any] = {'segments_message': outputs.segments(Header(), arcs, 0.1),
                              'arcs_message': outputs.arc_records(Header(), arcs)}
     exec(compile(messages, 'README.md', 'exec'), scope)
     assert len(scope['segments']) == len(scope['arcs']) == len(arcs)
     assert 0 < len(scope['long']) <= len(arcs)
+    exec(compile(lens, 'README.md', 'exec'), scope)
+    assert scope['lens'] is None  # of one rectangle
+    cv2.imwrite('photo.jpg', Scene(640, 480, lam=-0.4).image(400))
+    exec(compile(lens, 'README.md', 'exec'), scope)
+    assert len(scope['straight']) == len(scope['segments']) == len(scope['arcs']) > 50
+    cv2.imwrite('photo.jpg', gray, [cv2.IMWRITE_JPEG_QUALITY, 100])
     scope = {}
     exec(compile(library, 'README.md', 'exec'), scope)
     assert len(scope['straight']) == len(scope['arcs']) >= 4

@@ -18,7 +18,8 @@ from qflsd_ros.cli import inputs, recordings, results, settings
 from qflsd_ros.cli.inputs import Picture
 from qflsd_ros.cli.recordings import Cloud, Recordings
 from qflsd_ros.cli.settings import SettingsError
-from qflsd_ros.core import Arcs, Detector, Parameters
+from qflsd_ros.core import (
+    Arcs, Detector, estimate_distortion, Parameters, with_straightness)
 from qflsd_ros.ros.node_parameters import NodeParameters
 from qflsd_ros.sources.frames import Report, SourceError
 from tqdm import tqdm
@@ -57,7 +58,9 @@ class Work:
             begin = time.process_time()
             arcs = self._detector.detect(gray)
             seconds = time.process_time() - begin
-            results.write(self._folder, picture, pixels, arcs, self._detector.parameters)
+            lens = estimate_distortion([arcs], gray.shape)
+            arcs = with_straightness(arcs, lens and lens.model)
+            results.write(self._folder, picture, pixels, arcs, lens, self._detector.parameters)
         except SourceError as error:
             return Outcome(error=str(error))
         except OSError as error:

@@ -13,13 +13,13 @@ import numpy as np
 from qflsd_ros import overlay
 from qflsd_ros.cli.inputs import Picture
 from qflsd_ros.cli.writing import write_whole
-from qflsd_ros.core import Arcs, Parameters
+from qflsd_ros.core import Arcs, LensEstimate, Parameters
 
 SUFFIXES = ('.png', '.csv', '.json')
 
 
 def write(folder: Path, picture: Picture, pixels: np.ndarray, arcs: Arcs,
-          parameters: Parameters) -> None:
+          lens: LensEstimate | None, parameters: Parameters) -> None:
     """
     Write overlay, CSV and JSON of a picture into a folder; each file is whole or not there.
 
@@ -33,7 +33,7 @@ def write(folder: Path, picture: Picture, pixels: np.ndarray, arcs: Arcs,
     base.parent.mkdir(parents=True, exist_ok=True)
     contents = (cv2.imencode('.png', overlay.draw(pixels, arcs))[1].tobytes(),
                 table(arcs).encode(),
-                description(picture, pixels.shape[:2], arcs, parameters).encode())
+                description(picture, pixels.shape[:2], arcs, lens, parameters).encode())
     for suffix, content in zip(SUFFIXES, contents):
         write_whole(base.with_name(base.name + suffix), content)
 
@@ -49,16 +49,20 @@ def table(arcs: Arcs) -> str:
 
 
 def description(picture: Picture, shape: tuple[int, int], arcs: Arcs,
-                parameters: Parameters) -> str:
-    """Return a picture of a shape (height, width), its parameters and its arcs as JSON."""
+                lens: LensEstimate | None, parameters: Parameters) -> str:
+    """Return a picture of a shape (height, width), its lens, parameters and arcs as JSON."""
     names = arcs.table.dtype.names
-    columns = [arcs.table[name].tolist() for name in names]
+    # What is not known is nan in a table, null in JSON.
+    columns = [np.where(np.isnan(arcs.table[name]), None, arcs.table[name]).tolist()
+               for name in names]
     return json.dumps({
         'image': str(picture.path),
         'frame': picture.frame,
         'width': shape[1],
         'height': shape[0],
         'parameters': dataclasses.asdict(parameters),
+        'lens': lens and {'lambda': lens.lam, 'deviation': lens.std, 'agreeing': lens.agreeing,
+                          'share': lens.share},
         'arcs': [dict(zip(names, row)) | {'points': points.tolist()}
                  for *row, points in zip(*columns, arcs.polylines())],
     })

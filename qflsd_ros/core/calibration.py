@@ -16,11 +16,11 @@ import numpy as np
 
 from qflsd_ros.core.distortion import DivisionModel
 
-RADII = 400         # at which the maps are compared
+RADII = 100         # at which the maps are compared
 CLOSE = 0.05        # px, by which a rational polynomial may miss the division model
 TERMS = 3           # of the rational polynomial, above and below
 ANGLE_TERMS = 4
-REWEIGHTINGS = 20
+REWEIGHTINGS = 5
 
 
 class Calibration(NamedTuple):

@@ -157,13 +157,24 @@ def straightness(arcs: Arcs, model: DivisionModel) -> np.ndarray:
     return _compared(seen, np.array([model.lam, *shift]), np.zeros((2, 2)))[:, 4]
 
 
-def with_straightness(arcs: Arcs, model: DivisionModel) -> Arcs:
-    """Return the arcs with their :func:`straightness` as a column ``straight`` of the table."""
+def with_straightness(arcs: Arcs, model: DivisionModel | None) -> Arcs:
+    """
+    Return the arcs with their :func:`straightness` as a column ``straight`` of the table.
+
+    It is nan where no lens is known.
+    """
     table = np.empty(len(arcs), STRAIGHT_TABLE)
     for name in TABLE.names:
         table[name] = arcs.table[name]
-    table['straight'] = straightness(arcs, model)
+    table['straight'] = np.nan if model is None else straightness(arcs, model)
     return replace(arcs, table=table)
+
+
+def warm_up() -> None:
+    """Compile the kernels, or load them from numba's cache, before the first frame comes."""
+    seen = observe(Arcs.empty(), (1, 1))
+    _best(seen, False)
+    _compared(seen, np.zeros(3), np.zeros((2, 2)))
 
 
 def _not_observable(reason: str) -> None:
@@ -178,7 +189,7 @@ def observe(arcs: Arcs, shape: tuple[int, int]) -> np.ndarray:
     in the ends, where corners are rounded.
     """
     seen = np.full((len(arcs), COLUMNS), np.nan)
-    _observe(arcs.edge_points.T, arcs.offsets, arcs.table['length'],
+    _observe(np.ascontiguousarray(arcs.edge_points.T), arcs.offsets, arcs.table['length'],
              DivisionModel(0.0, shape).origin, float(np.hypot(*shape)) / 2,
              np.empty((1, FIT_SIZE)), seen)
     return seen

@@ -12,11 +12,13 @@ import time
 import traceback
 from typing import Any, Callable, NamedTuple
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 import numpy as np
-from qflsd_ros.core import Arcs, Detector, Parameters
+from qflsd_ros.core import Arcs, Detector, estimation, Parameters
+from qflsd_ros.core.distortion import DivisionModel
+from qflsd_ros.core.estimation import with_straightness
 from qflsd_ros.core.planes import planes
-from qflsd_ros.ros import calibration, compressed, images, outputs, parameters
+from qflsd_ros.ros import calibration, compressed, images, lens, outputs, parameters
 from qflsd_ros.ros.diagnostics import Statistics
 from qflsd_ros.ros.lazy import LazySubscription
 from qflsd_ros.ros.markers import markers
@@ -59,6 +61,7 @@ class Result(NamedTuple):
     gray: np.ndarray
     arcs: Arcs
     settings: NodeParameters
+    lens: DivisionModel | None
 
 
 class Transport(NamedTuple):
@@ -94,12 +97,26 @@ def _overlay(result: Result) -> Image:
         result.header, result.gray, result.arcs, result.settings.line_width)
 
 
+def _camera_info(result: Result) -> CameraInfo:
+    return lens.camera_info(result.header, lens.known(result.lens, result.settings),
+                            result.settings.focal_length)
+
+
+def _rectified(result: Result) -> PointCloud2:
+    return outputs.rectified(result.header, result.arcs,
+                             lens.known(result.lens, result.settings))
+
+
 OUTPUTS = (
     ('~/segments', PointCloud2, _segments),
     ('~/arcs', PointCloud2, _arcs),
     ('~/markers', MarkerArray, _markers),
     ('~/overlay', Image, _overlay),
+    ('~/camera_info', CameraInfo, _camera_info),
+    ('~/rectified', PointCloud2, _rectified),
 )
+WITH_LENS = {'~/arcs', '~/camera_info', '~/rectified'}
+WITH_CALIBRATION = '~/planes'
 
 
 class DetectorNode(Node):
@@ -120,11 +137,13 @@ class DetectorNode(Node):
         parameters.attach(self, (Parameters, NodeParameters), self._apply, check_together)
         self._read_mask()
         self._active[0].warm_up()
+        estimation.warm_up()
         self._statistics = Statistics()
         self._last_log: dict[str, float] = {}
         self._slot: Slot[Frame] = Slot()
-        self._outputs = [(self._advertise(type_, topic), build) for topic, type_, build in OUTPUTS]
-        self._planes = self._advertise(PointCloud2, '~/planes')
+        self._lens = lens.CameraLens()
+        self._outputs = {topic: (self._advertise(type_, topic), build) for topic, type_, build
+                         in (*OUTPUTS, (WITH_CALIBRATION, PointCloud2, self._planes_of))}
         self._diagnostics = self._advertise(DiagnosticArray, '/diagnostics')
         self._camera_info: CameraInfo | None = None
         self._number: int | None = None  # of the last frame, as its publisher counts
@@ -188,11 +207,10 @@ class DetectorNode(Node):
 
     def _follow_listeners(self) -> None:
         """Be subscribed to the camera just as long as somebody listens to the results."""
-        planes_wanted = bool(self._planes.get_subscription_count())
-        self._images.follow(planes_wanted or any(
-            publisher.get_subscription_count() for publisher, _ in self._outputs))
-        self._calibration.follow(planes_wanted)
-        if not planes_wanted:
+        heard = self._heard()
+        self._images.follow(bool(heard))
+        self._calibration.follow(WITH_CALIBRATION in heard)
+        if WITH_CALIBRATION not in heard:
             self._camera_info = None  # it may be another one by the time it is wanted again
 
     def _calibrate(self, message: CameraInfo) -> None:
@@ -234,19 +252,34 @@ class DetectorNode(Node):
         gray = self._transport.read(frame.message, settings.white_level)
         factor, mask = view(settings, *gray.shape)
         arcs = detector.detect(reduced(gray, factor), mask).scaled(factor)
-        result = Result(header, gray, arcs, settings)
-        for publisher, build in self._outputs:
-            if publisher.get_subscription_count():
-                publisher.publish(build(result))
-        self._statistics.done(time.monotonic() - frame.arrival, self._age(header),
-                              len(result.arcs))
-        if self._planes.get_subscription_count():
-            self._planes.publish(self._planes_of(result))
+        heard, model = self._heard(), None
+        if heard & WITH_LENS:
+            model = self._lens.follow(arcs, gray.shape, settings)
+            arcs = with_straightness(arcs, model)
+        self._publish(Result(header, gray, arcs, settings, model), heard)
+        self._statistics.done(time.monotonic() - frame.arrival, self._age(header), len(arcs))
+
+    def _heard(self) -> set[str]:
+        """Return the topics that somebody listens to."""
+        return {topic for topic, (publisher, _) in self._outputs.items()
+                if publisher.get_subscription_count()}
+
+    def _publish(self, result: Result, heard: set[str]) -> None:
+        """Build and publish what is listened to; what cannot be built keeps back nothing else."""
+        errors: dict[str, str] = {}
+        for topic, (publisher, build) in self._outputs.items():
+            try:
+                if topic in heard:
+                    publisher.publish(build(result))
+            except FrameError as error:
+                errors[error.reason] = str(error)
+        for reason, text in errors.items():
+            self._reject(reason, text)
 
     def _planes_of(self, result: Result) -> PointCloud2:
         topic = calibration.topic_of(self._image_topic)
-        lens = calibration.lens(self._camera_info, topic, *result.gray.shape)
-        return outputs.plane_records(result.header, planes(result.arcs, lens))
+        camera = calibration.lens(self._camera_info, topic, *result.gray.shape)
+        return outputs.plane_records(result.header, planes(result.arcs, camera))
 
     def _age(self, header: Header) -> float:
         stamp = header.stamp.sec * 10**9 + header.stamp.nanosec
@@ -265,6 +298,8 @@ class DetectorNode(Node):
         status = DiagnosticStatus(name=f'{self.get_fully_qualified_name()}: detection',
                                   hardware_id=settings.hardware_id or topic)
         self._statistics.report(status, bool(self._images), settings.max_age)
+        status.values += [KeyValue(key=key, value=value)
+                          for key, value in self._lens.values(settings).items()]
         message = DiagnosticArray(status=[status])
         message.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(message)

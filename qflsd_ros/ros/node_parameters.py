@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from qflsd_ros.core.parameters import check, parameter, Parameters
 from qflsd_ros.ros import palette
 
+LENSES = ('off', 'estimate', 'fixed')
+
 
 @dataclass(frozen=True)
 class NodeParameters:
@@ -54,6 +56,24 @@ class NodeParameters:
         'curvature or score (from blue, low, to red, high).', choices=palette.CHOICES)
     metres_per_pixel: float = parameter(
         0.01, 'Size of a pixel on ~/markers.', 'm', 0.0001, 1000.0)
+    lens: str = parameter(
+        'estimate', 'The lens: off (nothing is known of it), estimate (from the arcs of the '
+        'images, while somebody listens to ~/arcs, ~/camera_info or ~/rectified) or fixed (by '
+        'lens_lambda).', choices=LENSES)
+    lens_lambda: float = parameter(
+        0.0, 'Lens fixed only: lambda of the division model, 1 at half the diagonal; below 0 is a '
+        'barrel.', '', -8.0, 0.6)
+    lens_centre_x: float = parameter(
+        0.0, 'Lens fixed only: centre of distortion; 0 stands for the middle of the image.',
+        'px', 0.0, 32768.0)
+    lens_centre_y: float = parameter(
+        0.0, 'The same along y.', 'px', 0.0, 32768.0)
+    lens_find_centre: bool = parameter(
+        False, 'Lens estimate only: estimate the centre of distortion, too, for lenses that are '
+        'not mounted over the middle of the sensor.')
+    focal_length: float = parameter(
+        0.0, 'Focal length at the centre, for ~/camera_info: straight edges do not tell it; 0 '
+        'stands for half the diagonal, or less for a fisheye.', 'px', 0.0, 100000.0)
     max_age: float = parameter(
         0.5, 'Time from the stamp of an image to its results from which on diagnostics warn; '
         '0 leaves the check out.', 's', 0.0, 3600.0)

@@ -11,13 +11,14 @@ from array import array
 import numpy as np
 from qflsd_ros import overlay, rows
 from qflsd_ros.core.arcs import Arcs
+from qflsd_ros.core.distortion import DivisionModel
 from qflsd_ros.core.planes import Planes
 from qflsd_ros.rows import ARC, DATATYPES, PLANE, SEGMENT_POINT
 from sensor_msgs.msg import Image, PointCloud2, PointField
 from std_msgs.msg import Header
 
 __all__ = ['ARC', 'PLANE', 'SEGMENT_POINT', 'arc_records', 'cloud', 'overlay_image',
-           'plane_records', 'polylines', 'records', 'segments']
+           'plane_records', 'polylines', 'records', 'rectified', 'segments']
 
 CODES = {datatype: code for code, datatype in DATATYPES.items()}
 
@@ -30,6 +31,11 @@ def segments(header: Header, arcs: Arcs, tolerance: float) -> PointCloud2:
 def arc_records(header: Header, arcs: Arcs) -> PointCloud2:
     """Return one record for every arc; its fields are those of :data:`ARC`."""
     return cloud(header, rows.of_arcs(arcs))
+
+
+def rectified(header: Header, arcs: Arcs, model: DivisionModel) -> PointCloud2:
+    """Return straight segments in the image without distortion: :func:`rows.of_rectified`."""
+    return cloud(header, rows.of_rectified(arcs, model))
 
 
 def plane_records(header: Header, planes: Planes) -> PointCloud2:

@@ -17,6 +17,7 @@ import pytest
 from qflsd_ros import overlay
 from qflsd_ros.cli.detect import main
 from qflsd_ros.core import Arcs, Detector, Parameters
+from qflsd_ros.sources import Scene
 
 
 def picture(seed: int, size: tuple[int, int] = (200, 150)) -> np.ndarray:
@@ -105,6 +106,25 @@ def check_csv(path: Path, arcs: Arcs) -> None:
         np.testing.assert_array_equal(found, arcs.table[name])
     for name in ('curvature', 'length', 'rms', 'support'):
         np.testing.assert_array_equal([float(row[name]) for row in rows], arcs.table[name])
+
+
+def test_the_lens_is_reported_where_a_picture_tells_it(tmp_path: Path) -> None:
+    """JSON has lambda, and every arc its probability to be straight; else both are null."""
+    cv2.imwrite(str(tmp_path / 'room.png'), Scene(640, 480, lam=-0.4).image(400))
+    pixels = np.full((150, 200), 30, np.uint8)
+    pixels[50:100, 60:140] = 200
+    cv2.imwrite(str(tmp_path / 'plain.png'), pixels)
+    assert main([str(tmp_path / '*.png'), '--output', str(tmp_path / 'out')]) == 0
+    room, plain = (json.loads((tmp_path / 'out' / f'{name}.json').read_text())
+                   for name in ('room', 'plain'))
+    assert room['lens']['lambda'] == pytest.approx(-0.4, abs=0.02)
+    assert 0 < room['lens']['deviation'] < 0.02 and room['lens']['agreeing'] > 20
+    assert np.mean([arc['straight'] or 0.0 for arc in room['arcs']]) > 0.7
+    assert plain['lens'] is None and [arc['straight'] for arc in plain['arcs']] == [None] * 4
+    rows = csv.DictReader((tmp_path / 'out' / 'room.csv').open(newline=''))
+    assert [float(row['straight']) for row in rows] == pytest.approx(
+        [np.nan if arc['straight'] is None else arc['straight'] for arc in room['arcs']],
+        nan_ok=True)
 
 
 def check_json(path: Path, arcs: Arcs, parameters: Parameters) -> None:

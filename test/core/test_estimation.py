@@ -131,6 +131,7 @@ def test_straightness_is_a_column_of_the_table():
     for name in arcs.table.dtype.names:
         assert np.array_equal(found.table[name], arcs.table[name])
     assert found.polylines()[3] == pytest.approx(arcs.polylines()[3])
+    assert np.isnan(with_straightness(arcs, None).table['straight']).all()
     assert len(straightness(Arcs.empty(), LENS)) == 0
 
 

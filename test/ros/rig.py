@@ -15,7 +15,7 @@ from qflsd_ros.ros.node_parameters import NodeParameters
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter as RosParameter
 from rclpy.qos import qos_profile_sensor_data, QoSProfile
-from sensor_msgs.msg import CompressedImage, Image, PointCloud2
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2
 from visualization_msgs.msg import MarkerArray
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 NODE = ('-m', 'qflsd_ros.ros', 'detector', '--ros-args')
 TYPES = {'segments': PointCloud2, 'arcs': PointCloud2, 'markers': MarkerArray, 'overlay': Image,
-         'planes': PointCloud2}
+         'planes': PointCloud2, 'camera_info': CameraInfo, 'rectified': PointCloud2}
 COUNTS = ('frames', 'frames lost', 'frames dropped', 'frames bad')
 stamps = itertools.count(1000)
 

@@ -1,0 +1,105 @@
+"""The lens of the camera: unknown, estimated from its images or fixed; and its CameraInfo."""
+from __future__ import annotations
+
+from array import array
+from functools import lru_cache
+
+import numpy as np
+from qflsd_ros.core.arcs import Arcs
+from qflsd_ros.core.calibration import Calibration, calibration
+from qflsd_ros.core.distortion import DivisionModel
+from qflsd_ros.core.estimation import LensEstimate
+from qflsd_ros.core.tracking import LensTracker
+from qflsd_ros.ros.node_parameters import NodeParameters
+from qflsd_ros.sources.frames import FrameError
+from sensor_msgs.msg import CameraInfo
+from std_msgs.msg import Header
+
+UNKNOWN = {
+    'off': 'parameter lens is off: must be estimate or fixed for ~/camera_info and ~/rectified',
+    'estimate': 'the lens is not known yet: too few long straight edges away from the centre',
+}
+
+
+class LensError(FrameError):
+    """A lens that is asked for and not known."""
+
+
+class CameraLens:
+    """What is known of the lens; one thread may follow the frames and another one report."""
+
+    def __init__(self) -> None:
+        self._find_centre: bool | None = None
+        self._tracker = LensTracker()
+        self._model: DivisionModel | None = None
+
+    def follow(self, arcs: Arcs, shape: tuple[int, int],
+               settings: NodeParameters) -> DivisionModel | None:
+        """Return the lens of a frame by its arcs and those before, None where it is not known."""
+        if settings.lens != 'estimate':
+            self._find_centre = None  # to begin anew
+            self._model = fixed(settings, shape) if settings.lens == 'fixed' else None
+            return self._model
+        if self._find_centre != settings.lens_find_centre:
+            self._find_centre = settings.lens_find_centre
+            self._tracker = LensTracker(self._find_centre)
+        self._tracker.add(arcs, shape)
+        estimate = self._tracker.estimate
+        self._model = estimate.model if estimate else None
+        return self._model
+
+    def values(self, settings: NodeParameters) -> dict[str, str]:
+        """Return what there is to say of the lens, for diagnostics."""
+        model, tracker = self._model, self._tracker
+        values = {'lens': settings.lens}
+        if model is None:
+            return values
+        values |= {'lens lambda': f'{model.lam:.4f}',
+                   'lens centre (px)': '{:.1f}, {:.1f}'.format(*model.origin)}
+        if settings.lens == 'estimate' and tracker.estimate:
+            values |= _estimated(tracker.estimate, tracker.outliers)
+        residual = described(model, settings.focal_length).residual
+        return values | {'camera_info residual (px)': f'{residual:.3f}'}
+
+
+def _estimated(estimate: LensEstimate, outliers: int) -> dict[str, str]:
+    return {'lens lambda deviation': f'{estimate.std:.4f}',
+            'lens centre deviation (px)': f'{estimate.centre_std:.1f}',
+            'lens arcs that agree': str(estimate.agreeing),
+            'lens share of arcs that agree': f'{estimate.share:.2f}',
+            'lens outlier frames': str(outliers)}
+
+
+def fixed(settings: NodeParameters, shape: tuple[int, int]) -> DivisionModel:
+    """Return the lens that parameters fix, for images of a shape (height, width)."""
+    x, y = DivisionModel(0.0, shape).origin.tolist()
+    return DivisionModel(settings.lens_lambda, shape,
+                         (settings.lens_centre_x or x, settings.lens_centre_y or y))
+
+
+@lru_cache(maxsize=2)
+def described(model: DivisionModel, focal_length: float) -> Calibration:
+    """Return what CameraInfo says of a lens, computed anew only for another one."""
+    return calibration(model, focal_length)
+
+
+def known(model: DivisionModel | None, settings: NodeParameters) -> DivisionModel:
+    """Return the lens; LensError where it is not known."""
+    if model is None:
+        raise LensError('no lens', UNKNOWN[settings.lens])
+    return model
+
+
+def camera_info(header: Header, model: DivisionModel, focal_length: float) -> CameraInfo:
+    """
+    Return a lens such that nodes that rectify images straighten those with this header.
+
+    The rectified image has the scale of the raw one at the centre of distortion.
+    """
+    found = described(model, focal_length)
+    height, width = model.shape
+    projection = np.concatenate([found.matrix, np.zeros((3, 1))], axis=1)
+    return CameraInfo(
+        header=header, height=height, width=width, distortion_model=found.distortion_model,
+        d=array('d', found.coefficients), k=found.matrix.ravel(), r=np.eye(3).ravel(),
+        p=projection.ravel())

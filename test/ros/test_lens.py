@@ -1,0 +1,70 @@
+"""What the node knows and says of the lens."""
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from qflsd_ros.core import Arcs, Detector, DivisionModel
+from qflsd_ros.core.calibration import calibration
+from qflsd_ros.ros import lens
+from qflsd_ros.ros.node_parameters import NodeParameters
+from qflsd_ros.sources import Scene
+from std_msgs.msg import Header
+
+SHAPE = (480, 640)
+ARCS = Detector().detect(Scene(640, 480, lam=-0.4).image(400))
+
+
+def test_off_and_fixed_take_no_notice_of_the_arcs():
+    camera = lens.CameraLens()
+    assert camera.follow(ARCS, SHAPE, NodeParameters(lens='off')) is None
+    assert camera.values(NodeParameters(lens='off')) == {'lens': 'off'}
+    settings = NodeParameters(lens='fixed', lens_lambda=-0.7, lens_centre_y=250.0)
+    model = camera.follow(Arcs.empty(), SHAPE, settings)
+    assert model == DivisionModel(-0.7, SHAPE, (319.5, 250.0))
+    values = camera.values(settings)
+    assert (values['lens'], values['lens lambda']) == ('fixed', '-0.7000')
+    assert values['lens centre (px)'] == '319.5, 250.0'
+    assert float(values['camera_info residual (px)']) < 0.05
+    assert 'lens lambda deviation' not in values
+
+
+def test_estimate_follows_the_frames_and_begins_anew_when_asked():
+    camera, settings = lens.CameraLens(), NodeParameters(lens='estimate')
+    assert camera.follow(Arcs.empty(), SHAPE, settings) is None
+    assert camera.values(settings) == {'lens': 'estimate'}
+    model = camera.follow(ARCS, SHAPE, settings)
+    assert model.lam == pytest.approx(-0.4, abs=0.02) and model.centre is None
+    values = camera.values(settings)
+    assert float(values['lens lambda']) == pytest.approx(model.lam, abs=1e-4)
+    assert 0 < float(values['lens lambda deviation']) < 0.02
+    assert int(values['lens arcs that agree']) > 20
+    assert float(values['lens share of arcs that agree']) > 0.5
+    assert values['lens outlier frames'] == '0'
+    # What follows is the same lens until the estimate begins anew.
+    assert camera.follow(Arcs.empty(), SHAPE, settings) == model
+    assert camera.follow(ARCS, SHAPE, NodeParameters(lens_find_centre=True)).centre is not None
+    camera.follow(ARCS, SHAPE, NodeParameters(lens='off'))
+    assert camera.follow(Arcs.empty(), SHAPE, settings) is None
+
+
+def test_camera_info():
+    model, header = DivisionModel(-0.4, SHAPE, (330.0, 230.0)), Header(frame_id='eye')
+    message = lens.camera_info(header, model, 300.0)
+    assert message.header == header and (message.height, message.width) == SHAPE
+    wanted = calibration(model, 300.0)
+    assert message.distortion_model == wanted.distortion_model == 'rational_polynomial'
+    assert list(message.d) == wanted.coefficients.tolist() and len(message.d) == 8
+    assert message.k.tolist() == [300, 0, 330, 0, 300, 230, 0, 0, 1]
+    assert message.r.tolist() == np.eye(3).ravel().tolist()
+    assert message.p.tolist() == [300, 0, 330, 0, 0, 300, 230, 0, 0, 0, 1, 0]
+
+
+@pytest.mark.parametrize('settings, text', [
+    (NodeParameters(lens='off'), 'parameter lens is off: must be estimate or fixed'),
+    (NodeParameters(lens='estimate'), 'the lens is not known yet')])
+def test_a_lens_that_is_not_known(settings, text):
+    with pytest.raises(lens.LensError, match=text) as error:
+        lens.known(None, settings)
+    assert error.value.reason == 'no lens'
+    model = DivisionModel(-0.4, SHAPE)
+    assert lens.known(model, settings) is model
