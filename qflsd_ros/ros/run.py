@@ -48,7 +48,8 @@ def _made(make: Callable[[], Runnable]) -> Runnable:
     try:
         rclpy.init()
     except RuntimeError as error:
-        raise ParameterError(f'{type(error).__name__}: {error}') from error
+        cure = ': set ROS_LOG_DIR to a folder that can be written' * ('log directory' in str(error))
+        raise ParameterError(f'{type(error).__name__}: {error}{cure}') from error
     try:
         return make()
     except (ParameterException, RuntimeError) as error:

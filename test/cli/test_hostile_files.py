@@ -62,7 +62,7 @@ def run(capfd: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, lis
 
 def left_over(folder: Path) -> list[Path]:
     """Return what nobody asked for."""
-    return [path for path in folder.rglob('.*')]
+    return list(folder.rglob('.*'))
 
 
 @pytest.mark.parametrize('content, text', [
@@ -200,8 +200,9 @@ def test_a_whole_video_is_taken_for_whole(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize('text', [
     '[' * 5000, '&a [*a, *a]', '!!bool 3', '!!timestamp x', '!!int x', '!!python/name:os.system',
-    '2001-99-99', '? [a]\n: b', '/**: &a {ros__parameters: *a}', 'a: !!binary x', '\ufeff', '%YAML 9',
-    '{"/**": {ros__parameters: {tolerance: {a: 1}}}}', '{"/**": {ros__parameters: {1: 1}}}',
+    '2001-99-99', '? [a]\n: b', '/**: &a {ros__parameters: *a}', 'a: !!binary x', '\ufeff',
+    '%YAML 9', '{"/**": {ros__parameters: {tolerance: {a: 1}}}}',
+    '{"/**": {ros__parameters: {1: 1}}}',
     '{"/**": {ros__parameters: {tolerance: 1.0e+999}}}', '{"/**": {ros__parameters: {~: 1}}}'])
 def test_a_parameter_file_that_means_no_good(tmp_path: Path, text: str) -> None:
     path = tmp_path / 'p.yaml'
