@@ -48,7 +48,9 @@ def _made(make: Callable[[], Runnable]) -> Runnable:
     try:
         rclpy.init()
     except RuntimeError as error:
-        cure = ': set ROS_LOG_DIR to a folder that can be written' * ('log directory' in str(error))
+        cure = ''
+        if 'log directory' in str(error):
+            cure = ': set ROS_LOG_DIR to a folder that can be written'
         raise ParameterError(f'{type(error).__name__}: {error}{cure}') from error
     try:
         return make()

@@ -1,9 +1,9 @@
 """
 Two hosts with a bad cable between them: network namespaces, and frames that pass through here.
 
-``unshare -Urn python3 hosts.py COMMAND_1 COMMAND_2`` runs a shell command on each host and ends with
-the second one.  Frames take DELAY, one in twenty is lost, and all are lost while there is a file
-``cut`` in the working folder.  The kernel's own netem would do the same where it is there.
+``unshare -Urn python3 hosts.py COMMAND_1 COMMAND_2`` runs a shell command on each host and ends
+with the second one.  Frames take DELAY, one in twenty is lost, and all are lost while there is a
+file ``cut`` in the working folder.  The kernel's own netem would do the same where it is there.
 """
 from __future__ import annotations
 

@@ -53,7 +53,7 @@ def test_a_home_that_cannot_be_written(peer: Peer) -> None:
 
 
 def test_no_place_for_logs_is_said_in_one_line(peer: Peer) -> None:
-    environment = {name: '' for name in ('ROS_LOG_DIR', 'ROS_HOME')}
+    environment = {'ROS_LOG_DIR': '', 'ROS_HOME': ''}
     process = peer.run('-m', 'qflsd_ros.ros', 'detector', HOME='/proc', **environment)
     assert process.wait() == 2
     line = process.output.splitlines()[-1]
