@@ -192,7 +192,7 @@ def test_files_of_the_node(tmp_path: Path, module_peer: Peer, seed: int) -> None
     """A file with some parameters, most of them in order: taken, or refused in one line."""
     random = np.random.default_rng(seed)
     given_ = {name: VALUES[random.integers(len(VALUES))] if random.random() < 0.2
-              else float(random.integers(1, 9)) for name in random.choice(FLOATS, 3)}
+              else float(random.integers(1, 9)) for name in random.choice(FLOATS, 3).tolist()}
     path = tmp_path / 'p.yaml'
     path.write_text(yaml.safe_dump({'/**': {'ros__parameters': given_}}, allow_unicode=True))
     context = Context()

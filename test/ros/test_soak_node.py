@@ -80,7 +80,7 @@ def test_soak(peer: Peer) -> None:
     slope = 60 * np.polyfit(times, memory, 1)[0]
     late = [float(np.median([sample.latency for sample in some])) for some in (first, last)]
     print(f'\n{SECONDS:.0f} s at {rate:.1f} Hz: memory {memory[0]:.1f} to {memory[-1]:.1f} MB, '
-          f'{slope:+.2f} MB a minute; latency {late[0]:.1f} ms at first, {late[1]:.1f} ms at last; '
+          f'{slope:+.2f} MB a minute; latency {late[0]:.1f}, later {late[1]:.1f} ms; '
           f'{values(rig.reports[-1])}')
     assert len(settled) >= 0.5 * SECONDS
     minutes = (times[-1] - times[0]) / 60
