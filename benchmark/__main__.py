@@ -13,8 +13,8 @@ import sys
 import time
 
 from benchmark import (
-    accuracy, exactness, node, paper_tables, peers, plates, repeatability, report, robustness,
-    speed, stages)
+    ablation, accuracy, degraded, exactness, growth, memory, node, paper_tables, peers, plates,
+    quote, repeatability, report, robustness, sameness, speed, stages)
 from benchmark.datasets import Dataset, DatasetError
 from benchmark.experiment import Effort, Experiment, QUICK
 from benchmark.rendered import write
@@ -23,11 +23,13 @@ from tqdm import tqdm
 # In the order of the report.
 EXPERIMENTS = {
     'table1': paper_tables.table_one, 'table2': paper_tables.table_two,
-    'plates': plates.measure, 'accuracy': accuracy.measure, 'exactness': exactness.measure,
-    'speed': speed.measure, 'stages': stages.measure, 'node': node.measure,
-    'robustness': robustness.measure, 'repeatability': repeatability.measure}
-RESULTS = 'RESULTS.md'
+    'plates': plates.measure, 'accuracy': accuracy.measure, 'ablation': ablation.measure,
+    'degraded': degraded.measure, 'robustness': robustness.measure,
+    'exactness': exactness.measure, 'repeatability': repeatability.measure,
+    'sameness': sameness.measure, 'speed': speed.measure, 'growth': growth.measure,
+    'stages': stages.measure, 'node': node.measure, 'memory': memory.measure}
 RENDERED = 'rendered'
+SEQUENCES = 'seq'
 USAGE = 2               # exit code
 
 
@@ -35,12 +37,13 @@ def parse(args: Sequence[str] | None) -> argparse.Namespace:
     """Return the arguments of the command line."""
     parser = argparse.ArgumentParser(
         prog='script/benchmark', description='Measures the detector side by side with its peers '
-        f'and writes {RESULTS} and its figures.')
+        f'and writes {quote.RESULTS.name} and its figures.')
     parser.add_argument('--data', type=Path, metavar='DIR', help='images with annotated lines; '
                         'benchmark/README.md has the format (default: rendered scenes)')
     parser.add_argument('--sequence', type=Path, metavar='DIR', action='append', default=[],
-                        help='folder of frames for repeatability; can be given several times')
-    parser.add_argument('--output', type=Path, metavar='DIR', default=report.ROOT / 'benchmark',
+                        help='folder of frames for repeatability; can be given several times '
+                        f'(default: those in the folder {SEQUENCES} beside that of --data)')
+    parser.add_argument('--output', type=Path, metavar='DIR', default=quote.RESULTS.parent,
                         help='folder of the report (default: benchmark)')
     parser.add_argument('--quick', action='store_true',
                         help='a small part of it all, to see that it works')
@@ -66,12 +69,15 @@ def prepare(arguments: argparse.Namespace) -> Experiment:
         if not folder.is_dir():
             raise DatasetError(f'--sequence {folder}: there is no such folder')
     dataset = Dataset.read(arguments.data) if arguments.data else None
+    sequences = arguments.sequence
+    if dataset and not sequences:
+        sequences = repeatability.sequences(arguments.data.resolve().parent / SEQUENCES)
     effort = QUICK if arguments.quick else Effort()
     rendered = write(output / RENDERED, effort.shape, effort.per_lens)
     names = peers.available()
     for name in arguments.peer:
         peers.load(name)
-    return Experiment(dataset or rendered, rendered, tuple(arguments.sequence),
+    return Experiment(dataset or rendered, rendered, tuple(sequences),
                       (*names[:-1], *arguments.peer, names[-1]), output, effort,
                       arguments.figures_from_data)
 
@@ -85,17 +91,24 @@ def main(args: Sequence[str] | None = None) -> int:
     except (DatasetError, ValueError, ImportError, AttributeError) as error:
         print(f'benchmark: {error}', file=sys.stderr)
         return USAGE
-    sections = []
+    sections, minutes = [], {}
     for name in tqdm(arguments.only, 'experiments'):
+        begin = time.monotonic()
         sections.append(EXPERIMENTS[name](experiment))
+        minutes[name] = (time.monotonic() - begin) / 60
     given = sys.argv[1:] if args is None else args
     command = ' '.join(['script/benchmark', *map(str, given)])
     kind = 'A quick run, to see that it works: no figures to quote.' if arguments.quick else ''
     parts = ['# Benchmark\n', kind and f'{kind}\n', report.conditions(command), *sections,
-             f'The run took {(time.monotonic() - start) / 60:.1f} minutes.\n']
-    path = experiment.output / RESULTS
-    path.write_text('\n'.join(filter(None, parts)), encoding='utf-8')
+             f'The run took {(time.monotonic() - start) / 60:.1f} minutes: '
+             + ', '.join(f'{name} {took:.1f}' for name, took in minutes.items()) + '.\n']
+    path = experiment.output / quote.RESULTS.name
+    text = '\n'.join(filter(None, parts))
+    path.write_text(text, encoding='utf-8')
     print(f'The report is {path}')
+    if path == quote.RESULTS and not arguments.quick and len(sections) == len(EXPERIMENTS):
+        quote.README.write_text(quote.renewed(quote.README.read_text(), text))
+        print(f'Quoted in {quote.README}')
     return 0
 
 

@@ -57,9 +57,7 @@ def count_board(task: tuple[tuple[str, ...], Board]) -> Sums:
 def measure(experiment: Experiment) -> str:
     """Write the section."""
     dataset, names = experiment.dataset, experiment.peers
-    views = [view for level in dataset.levels
-             for view in [v for v in dataset.views if v.level == level][
-                 :experiment.effort.per_level]]
+    views = dataset.of_levels(experiment.effort.per_level)
     boards = dataset.boards[:experiment.effort.per_level]
     sums = _sum(each(count_view, [(names, view) for view in views], 'accuracy'))
     parts = [EXPLANATION, _views(sums)]

@@ -111,6 +111,11 @@ class Dataset:
         """Return the levels in order of their first view."""
         return list(dict.fromkeys(view.level for view in self.views))
 
+    def of_levels(self, count: int) -> list[View]:
+        """Return the first ``count`` views of each level, level by level; fewer if there are."""
+        return [view for level in self.levels
+                for view in [view for view in self.views if view.level == level][:count]]
+
     def of_lens(self, lens: Lens, count: int) -> list[View]:
         """Return ``count`` views of a kind of lens, evenly spread over all; fewer if there are."""
         views = [view for view in self.views if view.lens == lens]

@@ -19,9 +19,10 @@ class Effort:
     viewpoints: int = 3                     # of the room, under each condition
     every: int = 1                          # of so many steps of a curve one is measured
     frames: int = 30                        # of a sequence
+    endurance: int = 10_000                 # frames worked off while memory is watched
 
 
-QUICK = Effort((240, 320), 3, 1, 3, 5, 1, 4, 4)
+QUICK = Effort((240, 320), 3, 1, 3, 5, 1, 4, 4, 200)
 
 
 @dataclass(frozen=True)

@@ -204,7 +204,8 @@ def table_two(experiment: Experiment) -> str:
     views = {lens: experiment.dataset.of_lens(lens, experiment.effort.per_lens) for lens in LENSES}
     views = {lens: of_lens for lens, of_lens in views.items() if of_lens}
     images = {view.name: view.gray for of_lens in views.values() for view in of_lens}
-    timings = timing.measure(images, METHODS, experiment.effort.rounds, 'Table 2')
+    names = (*experiment.peers, PAPER)
+    timings = timing.measure(images, names, experiment.effort.rounds, 'Table 2')
     return section(
         'Table 2: running time',
         'CPU time in ms, one thread, medians, all methods in turn in one process; what takes '
@@ -214,7 +215,19 @@ def table_two(experiment: Experiment) -> str:
         f'{PRINTED_SECONDS[LSD]:.2f} s on average, QF-LSD {PRINTED_SECONDS[PAPER]:.2f} s, "27 '
         'times faster". Here LSD is compiled; the published method is plain numpy, ours is '
         'compiled. So "LSD / ours" compares compiled programs, "published / ours" the same idea '
-        'in numpy and as it is now, and "LSD / published" a compiled program with numpy.')
+        'in numpy and as it is now, and "LSD / published" a compiled program with numpy.',
+        'All detectors on the same images; ratios to ours are geometric means, and the least:',
+        _all(names, timings))
+
+
+def _all(names: Sequence[str], timings: timing.Timings) -> str:
+    rows = []
+    for name in names:
+        least = min(row[name].ms / row[OURS].ms for row in timings.values())
+        rows.append((load(name).title,
+                     significant(np.mean([row[name].ms for row in timings.values()])),
+                     significant(timing.ratio(timings, name, OURS)), significant(least)))
+    return table(('detector', 'mean ms', 'over ours', 'least over ours'), rows)
 
 
 def _rows_two(views: dict[str, list[View]], images: dict[str, np.ndarray],

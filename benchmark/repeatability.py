@@ -38,6 +38,12 @@ def repeat(task: Task) -> tuple[Counts, list[int]]:
     return sum(pairs, Counts()), [one.count for one in found]
 
 
+def sequences(folder: Path) -> list[Path]:
+    """Return the folders of images in a folder, in order; none where there is no such folder."""
+    return sorted({path.parent for path in folder.glob('*/*')
+                   if path.suffix.lower() in IMAGE_SUFFIXES})
+
+
 def frames(task: Task) -> list[np.ndarray]:
     """Return the frames of a folder in order of their names, or those of a still scene."""
     if task.sequence == RENDERED:

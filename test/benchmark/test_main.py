@@ -5,7 +5,7 @@ from pathlib import Path
 import re
 import sys
 
-from benchmark import peers, rendered
+from benchmark import peers, quote, rendered
 from benchmark.__main__ import main
 import pytest
 
@@ -21,9 +21,11 @@ def test_one_command_writes_the_report(tmp_path: Path, monkeypatch: pytest.Monke
                  '--quick', '--figures-from-data']) == 0
     text = (output / 'RESULTS.md').read_text()
     for title in ('Conditions', 'Table 1', 'Table 2', 'Figures 3 and 4', 'Accuracy',
-                  'Exactness', 'Speed', 'Cost of each stage', 'The node', 'Robustness',
-                  'Repeatability'):
+                  'What each step brings', 'Degraded copies', 'Robustness', 'Exactness',
+                  'Repeatability', 'Sameness', 'Speed', 'Growth', 'Cost of each stage',
+                  'The node', 'Memory'):
         assert f'\n## {title}' in text
+    assert f'| {peers.TITLES[peers.OURS]} | 0.' in quote.summary(text)
     pictures = re.findall(r'!\[.*\]\((.*)\)', text)
     assert len(pictures) == len(set(pictures)) == len(list((output / 'figures').iterdir()))
     assert sum((output / name).stat().st_size for name in pictures) < LARGEST
