@@ -8,8 +8,9 @@ straight edge has the curvature
     k(lambda) = -2 lambda (n p) / (1 - lambda p^2)
 
 whatever the edge.  The curvature that is seen, with its standard deviation, is a measurement of
-lambda, sharp for long arcs far from the centre, void for those that pass through it.  Not all
-arcs are pictures of straight edges, so that the likelihood of a measurement is a mixture
+lambda, sharp for long arcs far from the centre, void for those that pass through it.  Circles
+about the centre are left out: rather than edges at infinity, they are the rim of a fisheye's
+image.  Not all arcs are pictures of straight edges, so that the likelihood is a mixture
 
     (1 - OUTLIERS) t(k - k(lambda)) + OUTLIERS / (range of curvatures)
 
@@ -49,6 +50,7 @@ STRAY = 0.1             # px, sagitta by which real edges are bent
 LENS_ERROR = 0.01       # of lambda, by which real lenses leave the division model here and there
 COARSE_ERROR = 0.03     # the same while candidates are compared, from each to the next
 TELLING = 1.0           # standard deviation of lambda from which on one arc says nothing
+RIM = 0.05              # distance of a circle from the centre, up to which it is a fisheye's rim
 # Where arcs scatter more than by their own noise, so many err together (measured on photographs).
 COMMON = 8.0
 CENTRE_SPREAD = 0.05    # standard deviation of the centre about the image's, before arcs are seen
@@ -125,8 +127,10 @@ def estimate_distortion(images: Sequence[Arcs], shape: tuple[int, int], *, centr
 def estimate_from(seen: np.ndarray, shape: tuple[int, int], centre: bool = False,
                   max_std: float = MAX_STD) -> LensEstimate | None:
     """Do as :func:`estimate_distortion`, from what :func:`observe` returns."""
-    across = (seen[:, NORMAL:POINT] * seen[:, POINT:]).sum(axis=1)
-    telling = seen[4 * across ** 2 * TELLING ** 2 > seen[:, VARIANCE]]
+    bend, normal, point = seen[:, [CURVATURE]], seen[:, NORMAL:POINT], seen[:, POINT:]
+    across = (normal * point).sum(axis=1)
+    is_rim = np.hypot(*(bend * point - normal).T) < RIM * np.abs(bend[:, 0])
+    telling = seen[(4 * across ** 2 * TELLING ** 2 > seen[:, VARIANCE]) & ~is_rim]
     if len(telling) < LEAST_ARCS:
         return _not_observable(f'{len(telling)} of {len(seen)} arcs are long enough and far '
                                f'enough from the centre, must be at least {LEAST_ARCS}')

@@ -3,6 +3,7 @@ from __future__ import annotations
 
 import logging
 
+import cv2
 from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
@@ -40,6 +41,17 @@ def test_wheels_among_the_edges_do_not_win(lam, seed):
     assert straight[:30].min() > 0.5
     assert np.count_nonzero(straight[30:] > 0.5) <= 2
     assert found.share < 0.8
+
+
+@given(st.floats(-1.5, -0.5), st.floats(150, 230), seeds)
+def test_the_rim_of_a_fisheye_is_no_edge(lam, radius, seed):
+    lens = DivisionModel(lam, SHAPE)
+    turn = np.linspace(0, 1, 60)[:, None] + np.arange(6)
+    rim = lens.origin + radius * np.stack([np.cos(turn), np.sin(turn)], axis=-1)
+    arcs = arcs_of([*edges(lens, 30, seed), *np.swapaxes(rim, 0, 1)], seed=seed)
+    found = estimate_distortion([arcs], SHAPE)
+    assert abs(found.lam - lam) < min(5 * found.std, 0.02 * spread(lam))
+    assert found.agreeing <= 30 and found.share > 0.9
 
 
 @given(lambdas, seeds)
@@ -133,6 +145,20 @@ def test_straightness_is_a_column_of_the_table():
     assert found.polylines()[3] == pytest.approx(arcs.polylines()[3])
     assert np.isnan(with_straightness(arcs, None).table['straight']).all()
     assert len(straightness(Arcs.empty(), LENS)) == 0
+
+
+def test_coins_in_an_image_are_not_straight():
+    room, coins = Scene(640, 480, lam=-0.4).image(400), [(150, 120, 50), (420, 200, 90)]
+    for x, y, radius in coins:
+        cv2.circle(room, (x, y), radius, 255, -1, cv2.LINE_AA)
+    arcs = Detector().detect(room)
+    found = estimate_distortion([arcs], SHAPE)
+    assert found.lam == pytest.approx(-0.4, abs=0.02)
+    middle, straight = arcs.table['middle'], straightness(arcs, found.model)
+    around = np.any([abs(np.hypot(*(middle - (x, y)).T) - radius) < 1.5 for x, y, radius in coins],
+                    axis=0) & ~np.isnan(straight)
+    assert np.count_nonzero(around) >= 4
+    assert np.mean(straight[around] < 0.5) >= 0.8 and np.nanmedian(straight[~around]) > 0.9
 
 
 def test_from_an_image():
