@@ -7,10 +7,11 @@ import numpy as np
 
 from qflsd_ros.core import circle
 from qflsd_ros.core.arcs import Arcs, TABLE
-from qflsd_ros.core.compilation import compiled
+from qflsd_ros.core.compilation import compiled, inlined
 from qflsd_ros.core.joining import Joined, Pieces
 from qflsd_ros.core.separation import separate
-from qflsd_ros.core.validation import BUSY, busyness, score, support
+from qflsd_ros.core.validation import (ALIGNED, BY_CHANCE, LOOKS, score, SIGNS, STEPS, STRONG,
+                                       WEIGHT)
 
 # Columns of a row: those of TABLE in its order, x and y one after the other.
 (START, MIDDLE, END, CURVATURE, LENGTH, RMS, SUPPORT, CURVATURE_STD, OFFSET_STD, SCORE, CONTRAST,
@@ -46,23 +47,31 @@ def _geometry(fits: np.ndarray, arc: int, ends: np.ndarray, first: int, last: in
     rows[arc, OFFSET_STD] = math.sqrt(fits[arc, 9])
 
 
-@compiled
-def _evidence(runs: np.ndarray, members: np.ndarray, begin: int, end: int, fits: np.ndarray,
-              arc: int, points: np.ndarray, magnitude: np.ndarray, clear: float,
-              rows: np.ndarray) -> None:
+@inlined
+def _agree(piece_fits: np.ndarray, piece: int, fits: np.ndarray, arc: int) -> bool:
+    """Return whether P grows to the same side of a piece and of its arc."""
+    x, y = piece_fits[piece, 0] - fits[arc, 0], piece_fits[piece, 1] - fits[arc, 1]
+    nx, ny = 2 * fits[arc, 2] * x + fits[arc, 3], 2 * fits[arc, 2] * y + fits[arc, 4]
+    return piece_fits[piece, 3] * nx + piece_fits[piece, 4] * ny > 0
+
+
+@inlined
+def _evidence(piece_fits: np.ndarray, found: np.ndarray, members: np.ndarray, begin: int, end: int,
+              fits: np.ndarray, arc: int, rows: np.ndarray) -> None:
     """Write score, contrast, and as polarity the share of points where P grows, less the rest."""
-    total, aligned, contrast, signs, looks, strong = 0.0, 0.0, 0.0, 0.0, 0, 0
+    weight, aligned, chance, steps, signs, looks, strong = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for k in range(begin, end):
-        first, last = runs[members[k, 0], 0], runs[members[k, 0], 1]
-        t, a, c, s = support(fits, arc, points, first, last, clear)
-        total, aligned, contrast, signs = total + t, aligned + a, contrast + c, signs + s
-    rows[arc, CONTRAST] = contrast / rows[arc, SUPPORT]
-    rows[arc, POLARITY] = signs / rows[arc, SUPPORT]
-    for k in range(begin, end):
-        looked, found = busyness(fits, arc, points, runs[members[k, 0], 0], runs[members[k, 0], 1],
-                                 magnitude, BUSY * rows[arc, CONTRAST])
-        looks, strong = looks + looked, strong + found
-    rows[arc, SCORE] = score(total, aligned, strong / looks, len(rows))
+        piece = members[k, 0]
+        weight += found[piece, WEIGHT]
+        aligned += found[piece, ALIGNED]
+        chance += found[piece, BY_CHANCE]
+        steps += found[piece, STEPS]
+        looks += found[piece, LOOKS]
+        strong += found[piece, STRONG]
+        agree = _agree(piece_fits, piece, fits, arc)
+        signs += found[piece, SIGNS] if agree else -found[piece, SIGNS]
+    rows[arc, CONTRAST], rows[arc, POLARITY] = steps / rows[arc, SUPPORT], signs / rows[arc, SUPPORT]
+    rows[arc, SCORE] = score(weight, aligned, chance, strong / looks, len(rows))
 
 
 @compiled
@@ -87,9 +96,9 @@ def _orient(fits: np.ndarray, arc: int, members: np.ndarray, begin: int, end: in
 
 
 @compiled
-def _describe(runs: np.ndarray, ends: np.ndarray, members: np.ndarray, begins: np.ndarray,
-              fits: np.ndarray, points: np.ndarray, magnitude: np.ndarray, clear: float,
-              min_length: float, min_score: float, rows: np.ndarray, keep: np.ndarray) -> None:
+def _describe(piece_fits: np.ndarray, ends: np.ndarray, found: np.ndarray, members: np.ndarray,
+              begins: np.ndarray, fits: np.ndarray, min_length: float, min_score: float,
+              rows: np.ndarray, keep: np.ndarray) -> None:
     """Fill the rows of all arcs, and mark those to keep: long enough, and no accident."""
     for arc in range(len(keep)):
         begin, end = begins[arc], begins[arc + 1]
@@ -97,7 +106,7 @@ def _describe(runs: np.ndarray, ends: np.ndarray, members: np.ndarray, begins: n
                   2 * members[end - 1, 0] + 1 - members[end - 1, 1], rows)
         keep[arc] = rows[arc, LENGTH] >= min_length
         if keep[arc]:
-            _evidence(runs, members, begin, end, fits, arc, points, magnitude, clear, rows)
+            _evidence(piece_fits, found, members, begin, end, fits, arc, rows)
             keep[arc] = rows[arc, SCORE] >= min_score
         if keep[arc]:
             _orient(fits, arc, members, begin, end, rows)
@@ -124,16 +133,15 @@ def _gather(runs: np.ndarray, members: np.ndarray, begins: np.ndarray, keep: np.
         offsets[arcs] = n
 
 
-def assemble(pieces: Pieces, joined: Joined, magnitude: np.ndarray, xs: np.ndarray,
-             ys: np.ndarray, points: np.ndarray, clear: float, min_length: float,
-             min_score: float, min_distance: float) -> Arcs:
+def assemble(pieces: Pieces, joined: Joined, shape: tuple[int, int], xs: np.ndarray,
+             ys: np.ndarray, points: np.ndarray, min_length: float, min_score: float,
+             min_distance: float) -> Arcs:
     """Return the arcs that are long enough, no accident, and not beside a longer one."""
     most = len(joined.fits)
     rows, keep = np.zeros((most, COLUMNS)), np.empty(most, np.bool_)
-    _describe(pieces.runs, pieces.ends, *joined, points, magnitude, clear, min_length,
-              min_score, rows, keep)
+    _describe(pieces.fits, pieces.ends, pieces.found, *joined, min_length, min_score, rows, keep)
     if min_distance > 0:
-        separate(rows, joined.fits, *magnitude.shape, min_distance, keep)
+        separate(rows, joined.fits, *shape, min_distance, keep)
     kept = rows[keep]
     count = int(kept[:, SUPPORT].sum())
     offsets = np.zeros(len(kept) + 1, np.int64)

@@ -26,7 +26,7 @@ TAN_22 = math.sqrt(2) - 1       # tangent of 22.5 degrees
 
 
 def steps(width: int) -> np.ndarray:
-    """Return the steps (8,) int64 to a pixel's neighbours in rows of ``width`` pixels."""
+    """Return what leads to a pixel's 8 neighbours, (8,) int64, in rows of ``width`` pixels."""
     return STEP_Y * width + STEP_X
 
 

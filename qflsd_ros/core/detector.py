@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 
-from qflsd_ros.core import assembly, chains, edges, extraction, joining, paper
+from qflsd_ros.core import assembly, chains, edges, extraction, joining, noise, paper
 from qflsd_ros.core.arcs import Arcs
 from qflsd_ros.core.circle import FIT_SIZE
 from qflsd_ros.core.parameters import Parameters
@@ -76,7 +76,10 @@ class Detector:
         if self._memory.shape != gray.shape:
             self._memory = _Memory(height, width)
         memory = self._memory
-        edges.gradients(gray, parameters.blur_sigma, memory.blurred, memory.dx, memory.dy)
+        grain = noise.estimate(gray)
+        blur_sigma = noise.blur(parameters.blur_sigma, grain)
+        self._noise = noise.of_gradient(grain, blur_sigma)
+        edges.gradients(gray, blur_sigma, memory.blurred, memory.dx, memory.dy)
         dx, dy = memory.dx.reshape(-1), memory.dy.reshape(-1)
         magnitude = memory.magnitude.reshape(-1)
         edges.magnitudes(dx, dy, magnitude)
@@ -87,8 +90,8 @@ class Detector:
             edges.remove(memory.dx, memory.edges, memory.blocked(mask))
         count = chains.trace(dx, dy, memory.flat, memory.words, memory.steps, SHORTEST,
                              memory.xs, memory.ys, memory.offsets)
-        edges.locate(dx, dy, magnitude, width, memory.xs, memory.ys,
-                     memory.offsets[count], memory.points)
+        edges.locate(dx, dy, magnitude, width, memory.xs, memory.ys, memory.offsets[count],
+                     parameters.contrast_high, memory.points)
         return count
 
     def _extract(self, chain_count: int) -> joining.Pieces:
@@ -97,17 +100,19 @@ class Detector:
         count = extraction.extract(memory.points, memory.offsets, chain_count, SHORTEST,
                                    self.parameters.tolerance, SIGNIFICANCE, self._sharpest(),
                                    memory.todo, memory.runs, memory.fits)
-        return joining.describe(memory.points, memory.runs[:count], memory.fits[:count])
+        return joining.describe(memory.points, memory.runs[:count], memory.fits[:count],
+                                memory.magnitude, self.parameters.contrast_high, self._noise,
+                                memory.joining)
 
     def _assemble(self, pieces: joining.Pieces) -> Arcs:
         """Join the pieces and describe the arcs (Step 6)."""
         memory, parameters = self._memory, self.parameters
-        joined = joining.join(pieces, memory.dx, memory.dy, parameters.min_length,
+        joined = joining.join(pieces, memory.joining, memory.dx, memory.dy, parameters.min_length,
                               parameters.max_gap, parameters.tolerance, SIGNIFICANCE,
                               self._sharpest())
-        return assembly.assemble(pieces, joined, memory.magnitude, memory.xs, memory.ys,
-                                 memory.points, parameters.contrast_high, parameters.min_length,
-                                 parameters.min_score, parameters.min_distance)
+        return assembly.assemble(pieces, joined, memory.shape, memory.xs, memory.ys,
+                                 memory.points, parameters.min_length, parameters.min_score,
+                                 parameters.min_distance)
 
     def _sharpest(self) -> float:
         """
@@ -157,8 +162,9 @@ class _Memory:
             return
         size = edge_pixels + edge_pixels // 2
         self.xs, self.ys = np.empty(size, np.int32), np.empty(size, np.int32)
-        self.points = np.empty((4, size), np.float32)
+        self.points = np.empty((5, size), np.float32)
         most = size // SHORTEST + 2
         self.offsets = np.empty(most, np.int64)
         self.todo, self.runs = np.empty((most, 3), np.int64), np.empty((most, 2), np.int64)
         self.fits = np.empty((most, FIT_SIZE))
+        self.joining = joining.Memory(most)

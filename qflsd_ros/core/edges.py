@@ -98,8 +98,8 @@ def remove(dx: np.ndarray, edges: np.ndarray, where: np.ndarray) -> None:
 
 
 @compiled
-def locate(dx: np.ndarray, dy: np.ndarray, magnitude: np.ndarray, width: int,
-           xs: np.ndarray, ys: np.ndarray, n: int, points: np.ndarray) -> None:
+def locate(dx: np.ndarray, dy: np.ndarray, magnitude: np.ndarray, width: int, xs: np.ndarray,
+           ys: np.ndarray, n: int, clear: float, points: np.ndarray) -> None:
     """
     Find the subpixel positions of edge pixels, after Devernay, and the gradients there.
 
@@ -114,11 +114,15 @@ def locate(dx: np.ndarray, dy: np.ndarray, magnitude: np.ndarray, width: int,
         Pixels in a row.
     xs, ys, n
         (E,) int32, of which the first n are the pixels; none lies on the image's border.
+    clear
+        Grey levels c, see below.
     points
-        (4, E) float32, takes the positions x and y, px, and the gradient in grey levels.
+        (5, E) float32, takes the positions x and y, px, the gradient in grey levels, and
+        1 / (m + c) for its magnitude m.
 
     """
-    half, zero, scale = np.float32(0.5), np.float32(0), np.float32(1 / SOBEL_GAIN)
+    half, zero, one = np.float32(0.5), np.float32(0), np.float32(1)
+    scale, clear = np.float32(1 / SOBEL_GAIN), np.float32(clear)
     for i in range(n):
         at = ys[i] * width + xs[i]
         gx, gy = np.float32(dx[at]), np.float32(dy[at])
@@ -130,3 +134,4 @@ def locate(dx: np.ndarray, dy: np.ndarray, magnitude: np.ndarray, width: int,
         points[0, i] = xs[i] + (offset if across_x else zero)
         points[1, i] = ys[i] + (zero if across_x else offset)
         points[2, i], points[3, i] = scale * gx, scale * gy
+        points[4, i] = one / (b + clear)

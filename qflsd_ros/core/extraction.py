@@ -19,7 +19,7 @@ import numpy as np
 from qflsd_ros.core import circle
 from qflsd_ros.core.compilation import compiled, inlined
 
-REFITS = 3          # most rounds of refitting and growing
+REFITS = 2          # most rounds of refitting and growing
 # Points times curvature of an arc at most: points are up to 1.41 px apart, and the picture of a
 # straight edge never turns by more than half a turn (3.14).
 MOST_TURN = 2.2

@@ -20,39 +20,42 @@ from qflsd_ros.core import circle
 from qflsd_ros.core.circle import FIT_SIZE
 from qflsd_ros.core.compilation import compiled, inlined
 from qflsd_ros.core.edges import MASKED, SOBEL_GAIN
+from qflsd_ros.core.validation import witness, WITNESSES
 
 NODES = 3
 COUNT, RSS, SIZE = 0, 1, 2      # columns of Pieces.sums, and of the same of an arc
 NODE_AT = np.array([-math.sqrt(0.6), 0.0, math.sqrt(0.6)])
 NODE_WEIGHT = np.array([5.0, 8.0, 5.0]) / 18.0
 CELL = 16.0             # px, of the grid in which ends are looked up
-COSINE = math.cos(math.radians(12.0))       # of the angle between the tangents at a gap
+COSINE = math.cos(math.radians(9.0))       # of the angle between the tangents at a gap
 OVERLAP = 4.0           # px by which two pieces may overlap
-ACROSS = 1.5            # px that an end may lie beside the tangent at the other
-ACROSS_SLOPE = 0.25     # px more of that for each px of gap
+ACROSS = 1.2            # px that an end may lie beside the tangent at the other
+ACROSS_SLOPE = 0.18     # px more of that for each px of gap
 GAP_SHARE = 0.7         # longest gap, of the sum of both lengths
-MISFIT = 0.8            # px, rms by which the shorter piece may lie off the joined arc
+MISFIT = 0.7            # px, rms by which the shorter piece may lie off the joined arc
 MOST_TURN = 3.0         # radians; the picture of a straight edge never turns by more than 3.14
-LEEWAY = 2.0            # tolerances by which a node may lie off the joined arc
+LEEWAY = 1.8            # tolerances by which a node may lie off the joined arc
 MISFIT_COST = 8.0       # px of gap that weigh as much as 1 px of misfit
 ALIGNED = math.cos(math.radians(22.5))      # of the angle between gradient and normal in a gap
 FAINTEST = 1.0          # grey levels, of a gradient that counts in a gap
 FREE = 8.0              # px, longest gap that needs no evidence
 FREE_SHARE = 0.15       # the same as a share of the shorter piece
-EVIDENCE_SLOPE = 0.25   # evidence needed for each length of the shorter piece beyond that
-EVIDENCE = 0.45         # evidence that suffices for any gap
-SEED_SHARE = 0.67       # shortest piece from which an arc is made, of the shortest arc reported
+EVIDENCE_SLOPE = 0.3   # evidence needed for each length of the shorter piece beyond that
+EVIDENCE = 0.55         # evidence that suffices for any gap
+SEED_SHARE = 0.8        # shortest piece from which an arc is made, of the shortest arc reported
 
 
 class Pieces(NamedTuple):
     """M arcs out of chains, as columns."""
 
     runs: np.ndarray        # (M, 2) int64, first and last edge point
+    fits: np.ndarray        # (M, FIT_SIZE) float64
     # (2 M + 1, 4) float64: x, y and outward unit tangent, at start and end of each piece in turn;
     # the last row is for the arc in the making
     ends: np.ndarray
     nodes: np.ndarray       # (M, NODES, 2) float64, px
-    sums: np.ndarray        # (M, 3) float64: number of edge points, residual sum of squares, length
+    sums: np.ndarray        # (M, 3) float64: edge points, residual sum of squares, length
+    found: np.ndarray       # (M, WITNESSES) float64, what speaks for it: see validation
 
 
 class Joined(NamedTuple):
@@ -61,6 +64,18 @@ class Joined(NamedTuple):
     members: np.ndarray     # (M, 2) int64: piece, and 1 where it is travelled from end to start
     offsets: np.ndarray     # (N + 1,) int64: where in members each arc begins
     fits: np.ndarray        # (N, FIT_SIZE) float64
+
+
+class Memory:
+    """What is needed to join up to ``most`` pieces, kept from frame to frame."""
+
+    def __init__(self, most: int) -> None:
+        self.ends, self.nodes = np.empty((2 * most + 1, 4)), np.empty((most, NODES, 2))
+        self.sums, self.taken = np.empty((most, 3)), np.empty(most, np.bool_)
+        self.sorted_ends, self.places = np.empty(2 * most, np.int64), np.empty((2 * most, 4))
+        self.arc, self.total = np.empty((3, NODES * most)), np.empty(3)
+        self.members, self.offsets = np.empty((most, 2), np.int64), np.empty(most + 1, np.int64)
+        self.fits, self.found = np.empty((most + 1, FIT_SIZE)), np.empty((most, WITNESSES))
 
 
 @inlined
@@ -91,10 +106,13 @@ def _shapes(points: np.ndarray, runs: np.ndarray, fits: np.ndarray, ends: np.nda
         sums[i, SIZE] = half / abs(fits[i, 2]) if half > 1e-9 else math.sqrt(cx * cx + cy * cy)
 
 
-def describe(points: np.ndarray, runs: np.ndarray, fits: np.ndarray) -> Pieces:
+def describe(points: np.ndarray, runs: np.ndarray, fits: np.ndarray, magnitude: np.ndarray,
+             clear: float, noise: float, memory: Memory) -> Pieces:
     """Describe the arcs that :func:`extraction.extract` found for joining."""
     m = len(runs)
-    pieces = Pieces(runs, np.empty((2 * m + 1, 4)), np.empty((m, NODES, 2)), np.empty((m, 3)))
+    pieces = Pieces(runs, fits, memory.ends[:2 * m + 1], memory.nodes[:m], memory.sums[:m],
+                    memory.found[:m])
+    witness(points, runs, fits, magnitude, clear, noise, pieces.found)
     _shapes(points, runs, fits, pieces.ends, pieces.nodes, pieces.sums)
     return pieces
 
@@ -303,23 +321,25 @@ def _turn_round(arc: np.ndarray, n: int, members: np.ndarray, first: int, last: 
 
 
 @compiled
-def _join(ends: np.ndarray, nodes: np.ndarray, sums: np.ndarray, order: np.ndarray,
-          begins: np.ndarray, sorted_ends: np.ndarray, places: np.ndarray, columns: int, rows: int,
-          dx: np.ndarray, dy: np.ndarray, shortest: float, max_gap: float, tolerance: float,
-          significance: float, sharpest: float, taken: np.ndarray, arc: np.ndarray,
-          total: np.ndarray, members: np.ndarray, offsets: np.ndarray, fits: np.ndarray) -> int:
+def _join(piece_fits: np.ndarray, ends: np.ndarray, nodes: np.ndarray, sums: np.ndarray,
+          seeds: np.ndarray, begins: np.ndarray, sorted_ends: np.ndarray, places: np.ndarray,
+          columns: int, rows: int, dx: np.ndarray, dy: np.ndarray, max_gap: float,
+          tolerance: float, significance: float, sharpest: float, taken: np.ndarray,
+          arc: np.ndarray, total: np.ndarray, members: np.ndarray, offsets: np.ndarray,
+          fits: np.ndarray) -> int:
     arcs = 0
-    for seed in order:
-        if sums[seed, SIZE] < shortest:
-            break
+    offsets[0] = 0
+    for seed in seeds:
         if taken[seed]:
             continue
         taken[seed] = True
         first = placed = offsets[arcs]
         members[placed, 0], members[placed, 1] = seed, 0
-        total[:] = 0
-        n = _take(nodes, sums, seed, 0, 0.0, significance, sharpest, arc, 0, total, fits,
-                  arcs)
+        n = _append(nodes, sums, seed, 0, arc, 0)
+        for k in range(3):
+            total[k] = sums[seed, k]
+        for k in range(FIT_SIZE):
+            fits[arcs, k] = piece_fits[seed, k]
         for _ in range(2):
             while True:
                 _outward(ends, 2 * members[placed, 0] + 1 - members[placed, 1], fits, arcs)
@@ -339,15 +359,23 @@ def _join(ends: np.ndarray, nodes: np.ndarray, sums: np.ndarray, order: np.ndarr
     return arcs
 
 
-def join(pieces: Pieces, dx: np.ndarray, dy: np.ndarray, min_length: float, max_gap: float,
-         tolerance: float, significance: float, sharpest: float) -> Joined:
+def _seeds(lengths: np.ndarray, shortest: float) -> np.ndarray:
+    """Return the pieces (S,) of at least the shortest length, px, longest first."""
+    seeds = np.flatnonzero(lengths >= shortest)
+    # Numbers that hold the length, in 1/1024 px, and the piece sort faster than an argsort.
+    keys = (-1024 * lengths[seeds]).astype(np.int64) * len(lengths) + seeds
+    return np.sort(keys) % len(lengths)
+
+
+def join(pieces: Pieces, memory: Memory, dx: np.ndarray, dy: np.ndarray, min_length: float,
+         max_gap: float, tolerance: float, significance: float, sharpest: float) -> Joined:
     """
     Make arcs of pieces; those made of short pieces only are left out.
 
     Parameters
     ----------
-    pieces
-        What :func:`describe` describes.
+    pieces, memory
+        What :func:`describe` describes, and that in which it does.
     dx, dy
         (H, W) int16 gradients.
     min_length, max_gap, tolerance
@@ -359,12 +387,12 @@ def join(pieces: Pieces, dx: np.ndarray, dy: np.ndarray, min_length: float, max_
     m, (height, width) = len(pieces.sums), dx.shape
     columns, rows = int(width / CELL) + 1, int(height / CELL) + 1
     begins, filled = np.zeros((2, columns * rows + 1), np.int64)
-    sorted_ends, places = np.empty(2 * m, np.int64), np.empty((2 * m, 4))
+    sorted_ends, places = memory.sorted_ends[:2 * m], memory.places[:2 * m]
     _index(pieces.ends, columns, rows, begins, filled, sorted_ends, places)
-    joined = Joined(np.empty((m, 2), np.int64), np.zeros(m + 1, np.int64),
-                    np.empty((m + 2, FIT_SIZE)))
-    order = np.argsort(-pieces.sums[:, SIZE], kind='stable')
-    arcs = _join(pieces.ends, pieces.nodes, pieces.sums, order, begins, sorted_ends, places,
-                 columns, rows, dx, dy, SEED_SHARE * min_length, max_gap, tolerance, significance,
-                 sharpest, np.zeros(m, np.bool_), np.empty((3, NODES * m)), np.empty(3), *joined)
-    return Joined(joined.members, joined.offsets[:arcs + 1], joined.fits[:arcs])
+    memory.taken[:m] = False
+    arcs = _join(pieces.fits, pieces.ends, pieces.nodes, pieces.sums,
+                 _seeds(pieces.sums[:, SIZE], SEED_SHARE * min_length), begins, sorted_ends,
+                 places, columns, rows, dx, dy, max_gap, tolerance, significance, sharpest,
+                 memory.taken, memory.arc, memory.total, memory.members, memory.offsets,
+                 memory.fits)
+    return Joined(memory.members, memory.offsets[:arcs + 1], memory.fits[:arcs])

@@ -86,7 +86,7 @@ class Parameters:
         'arcs', 'Algorithm: arcs (this package) or paper (Algorithms 1 to 3 as printed, slow).',
         choices=METHODS)
     blur_sigma: float = parameter(
-        0.6, 'Standard deviation of the Gaussian blur before the gradients; 0 leaves it out.',
+        0.6, 'Least standard deviation of the Gaussian blur before the gradients; noise adds to it.',
         'px', 0.0, 5.0)
     contrast_high: float = parameter(
         10.0, 'Step across an edge from which on it starts a contour.', 'grey levels', 1.0, 255.0)
@@ -102,7 +102,7 @@ class Parameters:
         0.3, 'Smallest radius of an arc; a division model has none below 1 / sqrt(-lambda).',
         'of half the image diagonal', 0.01, 100.0)
     min_score: float = parameter(
-        1.5, 'Least -log10 of the number of false alarms of an arc; more leaves only surer ones.',
+        2.0, 'Least -log10 of the number of false alarms of an arc; more leaves only surer ones.',
         '', -1000.0, 1000.0)
     min_distance: float = parameter(
         2.4, 'Of parallel arcs closer than this the longest is reported; 0 reports all.',

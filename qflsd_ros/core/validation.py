@@ -15,68 +15,104 @@ import math
 
 import numpy as np
 
-from qflsd_ros.core.compilation import compiled
+from qflsd_ros.core.compilation import compiled, inlined, summed
 
-ALIGNED = math.cos(math.radians(11.25))
+SINE = math.sin(math.radians(11.25))
+NOISE_ALIGNED = 1.5                     # standard deviations of noise more
 CHANCE, CHANCE_BUSY = 0.1, 0.5          # of alignment: at least, and more in busy surroundings
 BUSY = 0.5                              # of an arc's contrast: what is strong in its surroundings
 BESIDE = (-8.0, -4.0, 4.0, 8.0)         # px from the arc, where surroundings are looked at
-EVERY = 6                               # edge points from one look to the next
+EVERY = 8               # edge points from one look to the next
 
 
-@compiled
-def support(fits: np.ndarray, arc: int, points: np.ndarray, first: int, last: int,
-            clear: float) -> tuple[float, float, float, float]:
-    """
-    Compare the gradients at edge points ``first`` to ``last`` with the normal of a fit.
+# What speaks for a piece of an arc: columns of an array (M, WITNESSES) float64.  The weight of all
+# its points, of the aligned ones, and what chance makes of that; the sum of the steps across in
+# grey levels; the points where P grows with the grey level, less the rest; the places beside the
+# arc that were looked at, and those that are strong.
+WEIGHT, ALIGNED, BY_CHANCE, STEPS, SIGNS, LOOKS, STRONG, WITNESSES = range(8)
 
-    ``points`` are as :func:`edges.locate` leaves them; a gradient of ``clear`` grey levels counts
-    half.  Returns the weight of all points, that of the aligned ones, the sum of the steps across
-    the arc in grey levels, and the number of points where P grows with the grey level less those
-    where it falls.
-    """
-    ox, oy, a, b, c = fits[arc, 0], fits[arc, 1], fits[arc, 2], fits[arc, 3], fits[arc, 4]
-    total, aligned, contrast, signs = 0.0, 0.0, 0.0, 0.0
-    for i in range(first, last + 1):
-        gx, gy = float(points[2, i]), float(points[3, i])
-        across = gx * (2 * a * (points[0, i] - ox) + b) + gy * (2 * a * (points[1, i] - oy) + c)
-        size = math.sqrt(gx * gx + gy * gy)
-        weight = size / (size + clear)
+
+@summed
+def _support(fits: np.ndarray, i: int, points: np.ndarray, first: int, last: int, clear: float,
+             noise: float, found: np.ndarray) -> None:
+    """Compare the gradients at edge points ``first`` to ``last`` with the normal of fit i."""
+    ox, oy, a, b, c = fits[i, 0], fits[i, 1], fits[i, 2], fits[i, 3], fits[i, 4]
+    total, aligned, chance, steps, signs = 0.0, 0.0, 0.0, 0.0, 0.0
+    for k in range(first, last + 1):
+        gx, gy = float(points[2, k]), float(points[3, k])
+        nx, ny = 2 * a * (points[0, k] - ox) + b, 2 * a * (points[1, k] - oy) + c
+        across, along = gx * nx + gy * ny, gx * ny - gy * nx
+        # With s = 1 / (m + c) a gradient m has the weight m / (m + c) = 1 - c s.
+        s = float(points[4, k])
+        weight = 1 - clear * s
+        most = SINE * weight + NOISE_ALIGNED * noise * s
         total += weight
-        if abs(across) > ALIGNED * size:
-            aligned += weight
-        contrast += abs(across)
-        signs += 1.0 if across > 0 else -1.0
-    return total, aligned, contrast, signs
+        aligned += weight if abs(along) * s < most else 0.0
+        chance += min(most, weight)
+        steps += abs(across)
+        signs += math.copysign(1.0, across)
+    found[i, WEIGHT], found[i, ALIGNED], found[i, BY_CHANCE] = total, aligned, chance
+    found[i, BY_CHANCE] *= CHANCE / SINE
+    found[i, STEPS], found[i, SIGNS] = steps, signs
 
 
-@compiled
-def busyness(fits: np.ndarray, arc: int, points: np.ndarray, first: int, last: int,
-             magnitude: np.ndarray, strong: float) -> tuple[int, int]:
-    """Return how many places beside an arc were looked at, and how many of them are strong."""
+@inlined
+def _surroundings(fits: np.ndarray, i: int, points: np.ndarray, first: int, last: int,
+                  magnitude: np.ndarray, strong: float, found: np.ndarray) -> None:
+    """Count the places beside edge points ``first`` to ``last``, and the strong ones of them."""
     height, width = magnitude.shape
-    looks = found = 0
-    for i in range(first, last + 1, EVERY):
-        x, y = float(points[0, i]), float(points[1, i])
-        nx = 2 * fits[arc, 2] * (x - fits[arc, 0]) + fits[arc, 3]
-        ny = 2 * fits[arc, 2] * (y - fits[arc, 1]) + fits[arc, 4]
+    looks = hits = 0
+    for k in range(first, last + 1, EVERY):
+        x, y = float(points[0, k]), float(points[1, k])
+        nx = 2 * fits[i, 2] * (x - fits[i, 0]) + fits[i, 3]
+        ny = 2 * fits[i, 2] * (y - fits[i, 1]) + fits[i, 4]
         for offset in BESIDE:
             column = min(max(int(x + offset * nx + 0.5), 0), width - 1)
             row = min(max(int(y + offset * ny + 0.5), 0), height - 1)
             looks += 1
-            found += magnitude[row, column] > strong
-    return looks, found
+            hits += magnitude[row, column] > strong
+    found[i, LOOKS], found[i, STRONG] = looks, hits
 
 
 @compiled
-def score(n: float, k: float, busy: float, candidates: int) -> float:
+def witness(points: np.ndarray, runs: np.ndarray, fits: np.ndarray, magnitude: np.ndarray,
+            clear: float, noise: float, found: np.ndarray) -> None:
+    """
+    Find what speaks for each piece of an arc.
+
+    Parameters
+    ----------
+    points
+        (5, E) float32, as :func:`edges.locate` leaves them.
+    runs, fits
+        (M, 2) and (M, FIT_SIZE), as :func:`extraction.extract` leaves them.
+    magnitude
+        (H, W) float32, grey levels.
+    clear
+        How strong a gradient is that counts half, grey levels; the same as there.
+    noise
+        Standard deviation of dx and dy, grey levels.
+    found
+        (M, WITNESSES) float64, takes what is found.
+
+    """
+    for i in range(len(runs)):
+        first, last = runs[i, 0], runs[i, 1]
+        _support(fits, i, points, first, last, clear, noise, found)
+        strong = BUSY * found[i, STEPS] / (last + 1 - first)
+        _surroundings(fits, i, points, first, last, magnitude, strong, found)
+
+
+@compiled
+def score(n: float, k: float, chance: float, busy: float, candidates: int) -> float:
     """
     Return -log10 of the number of false alarms (NFA), 0 or above for an arc that is none.
 
-    ``n`` and ``k`` are the weights of all and of the aligned points, ``busy`` the share of strong
-    places in the surroundings; the binomial tail is taken by Hoeffding's bound.
+    ``n`` and ``k`` are the weights of all and of the aligned points, ``chance`` what chance makes
+    of the latter in quiet surroundings, ``busy`` the share of strong places in the surroundings;
+    the binomial tail is taken by Hoeffding's bound.
     """
-    share, chance = k / n, CHANCE + CHANCE_BUSY * busy
+    share, chance = k / n, chance / n + CHANCE_BUSY * busy
     surprise = 0.0
     if share > chance:
         surprise = share * math.log10(share / chance)

@@ -4,7 +4,7 @@ from __future__ import annotations
 import cv2
 from finding import project, samples
 import numpy as np
-from qflsd_ros.core import Arcs, Parameters
+from qflsd_ros.core import Arcs, noise, Parameters
 
 ACROSS = 0.5        # least cosine of the angle between a gradient and what counts as across
 ROUNDING = 1.0      # grey levels, of a step in an image that is rounded after the blur
@@ -37,7 +37,7 @@ def assert_sound(arcs: Arcs, gray: np.ndarray, parameters: Parameters = Paramete
 
 def assert_edge_pixels(pixels: np.ndarray, gray: np.ndarray, parameters: Parameters) -> None:
     """Assert that each pixel's step is the largest across the edge, and high enough."""
-    sigma = parameters.blur_sigma
+    sigma = noise.blur(parameters.blur_sigma, noise.estimate(gray))
     blurred = gray.astype(np.float32)
     if sigma > 0:
         blurred = cv2.GaussianBlur(blurred, (0, 0), sigma, borderType=cv2.BORDER_REPLICATE)

@@ -25,8 +25,9 @@ def find(gray: np.ndarray, blur_sigma: float = 0.6, low: float = 5.0,
     count = edges.thin(dx, dy, magnitude, low, high, found)
     ys, xs = (index.astype(np.int32) for index in np.nonzero(found))
     assert count == len(xs)
-    points = np.empty((4, count), np.float32)
-    edges.locate(dx.ravel(), dy.ravel(), magnitude.ravel(), gray.shape[1], xs, ys, count, points)
+    points = np.empty((5, count), np.float32)
+    edges.locate(dx.ravel(), dy.ravel(), magnitude.ravel(), gray.shape[1], xs, ys, count, high,
+                 points)
     return found, magnitude, points[:2].T.astype(float)
 
 

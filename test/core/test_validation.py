@@ -17,7 +17,7 @@ numbers = st.integers(9, 10**14)
 
 def score(n: int, k: int, candidates: int) -> float:
     """Return the score of n points of equal weight, k aligned, in quiet surroundings."""
-    return score_of(float(n), float(k), 0.0, candidates)
+    return score_of(float(n), float(k), CHANCE * n, 0.0, candidates)
 
 
 def tail(n: int, k: int) -> float:

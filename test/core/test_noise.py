@@ -1,0 +1,55 @@
+"""The noise of an image, known where it was put there."""
+from __future__ import annotations
+
+import cv2
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+import numpy as np
+import pytest
+from qflsd_ros.core import noise
+from rendering import half_plane, render
+
+seeds = st.integers(0, 999)
+
+
+def noisy(sigma: float, seed: int, shape: tuple[int, int] = (240, 320)) -> np.ndarray:
+    """Return a grey ramp with white noise of a known deviation."""
+    ramp = np.add.outer(np.linspace(60, 120, shape[0]), np.linspace(0, 60, shape[1]))
+    noise_only = np.random.default_rng(seed).normal(0, sigma, shape)
+    return np.clip(np.rint(ramp + noise_only), 0, 255).astype(np.uint8)
+
+
+@given(st.sampled_from([2.0, 5.0, 10.0]), seeds)
+def test_white_noise_is_measured(sigma, seed):
+    # The flattest tenth of the blocks is below the mean of all.
+    assert 0.75 * sigma < noise.estimate(noisy(sigma, seed)) < sigma
+
+
+@given(st.floats(-np.pi, np.pi))
+def test_edges_are_no_noise(angle):
+    assert noise.estimate(render((200, 240), half_plane(119.5, 99.5, angle))) < 0.3
+
+
+def test_what_is_saturated_tells_nothing():
+    gray = noisy(6, 0)
+    gray[:, :200] = 0
+    assert 4.5 < noise.estimate(gray) < 6
+    assert noise.estimate(np.full((50, 50), 255, np.uint8)) == 0
+
+
+@given(arrays(np.uint8, st.tuples(st.integers(1, 40), st.integers(1, 40))))
+def test_any_image_has_some(gray):
+    assert 0 <= noise.estimate(gray) < 8 * 255
+
+
+@pytest.mark.parametrize('blur_sigma', [0.6, 1.0, 1.7])
+def test_noise_of_gradients(blur_sigma):
+    gray = np.random.default_rng(0).normal(128, 5, (400, 400)).astype(np.float32)
+    blurred = cv2.GaussianBlur(gray, (0, 0), blur_sigma)
+    measured = cv2.Sobel(blurred, cv2.CV_32F, 1, 0, scale=0.25).std()
+    assert np.isclose(noise.of_gradient(5, blur_sigma), measured, rtol=0.1)
+
+
+def test_more_noise_is_blurred_more():
+    assert noise.blur(0.6, 0) == 0.6 < noise.blur(0.6, 5) < noise.blur(0.6, 10)
