@@ -70,6 +70,6 @@ def assert_one_circle(row: np.void) -> None:
 def assert_along(line: np.ndarray, points: np.ndarray, parameters: Parameters) -> None:
     """Assert that edge points lie along an arc in order, from its start to its end."""
     off, place = project(points, line)
-    assert off.max() < 2.5 * parameters.tolerance
+    assert off.max() < 3 * parameters.tolerance
     assert np.diff(place).min(initial=0) > -6
     assert place[0] < 4 and place[-1] > project(line[-1:], line)[1] - 4
