@@ -70,7 +70,8 @@ def _evidence(piece_fits: np.ndarray, found: np.ndarray, members: np.ndarray, be
         strong += found[piece, STRONG]
         agree = _agree(piece_fits, piece, fits, arc)
         signs += found[piece, SIGNS] if agree else -found[piece, SIGNS]
-    rows[arc, CONTRAST], rows[arc, POLARITY] = steps / rows[arc, SUPPORT], signs / rows[arc, SUPPORT]
+    rows[arc, CONTRAST] = steps / rows[arc, SUPPORT]
+    rows[arc, POLARITY] = signs / rows[arc, SUPPORT]
     rows[arc, SCORE] = score(weight, aligned, chance, strong / looks, len(rows))
 
 

@@ -98,7 +98,9 @@ def _refit(points: np.ndarray, first: int, last: int, lo: int, hi: int,
         hi = lo + int(MOST_TURN / bend)
         circle.fit(points, lo, hi, 0.0, significance, sharpest, fits, row)
     advance = math.hypot(points[0, hi] - points[0, lo], points[1, hi] - points[1, lo])
-    if hi - lo < 2 or hi - lo > CROWDED * advance:
+    # What is bent more than it may be has been fitted by a line, and lies off it.
+    off = fits[row, 6] > tolerance * tolerance * fits[row, 7]
+    if hi - lo < 2 or hi - lo > CROWDED * advance or off:
         return 0, -1
     return lo, hi
 

@@ -86,7 +86,7 @@ class Parameters:
         'arcs', 'Algorithm: arcs (this package) or paper (Algorithms 1 to 3 as printed, slow).',
         choices=METHODS)
     blur_sigma: float = parameter(
-        0.6, 'Least standard deviation of the Gaussian blur before the gradients; noise adds to it.',
+        0.6, 'Least standard deviation of the blur before the gradients; noise adds to it.',
         'px', 0.0, 5.0)
     contrast_high: float = parameter(
         10.0, 'Step across an edge from which on it starts a contour.', 'grey levels', 1.0, 255.0)
