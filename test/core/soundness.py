@@ -1,13 +1,12 @@
 """What holds for every arc of every image."""
 from __future__ import annotations
 
-import cv2
 from finding import project, samples
 import numpy as np
-from qflsd_ros.core import Arcs, noise, Parameters
+from qflsd_ros.core import Arcs, edges, noise, Parameters
 
 ACROSS = 0.5        # least cosine of the angle between a gradient and what counts as across
-ROUNDING = 1.0      # grey levels, of a step in an image that is rounded after the blur
+EPSILON = 1e-3      # grey levels, of rounding
 
 
 def assert_sound(arcs: Arcs, gray: np.ndarray, parameters: Parameters = Parameters()) -> None:
@@ -38,20 +37,18 @@ def assert_sound(arcs: Arcs, gray: np.ndarray, parameters: Parameters = Paramete
 def assert_edge_pixels(pixels: np.ndarray, gray: np.ndarray, parameters: Parameters) -> None:
     """Assert that each pixel's step is the largest across the edge, and high enough."""
     sigma = noise.blur(parameters.blur_sigma, noise.estimate(gray))
-    blurred = gray.astype(np.float32)
-    if sigma > 0:
-        blurred = cv2.GaussianBlur(blurred, (0, 0), sigma, borderType=cv2.BORDER_REPLICATE)
-    dx, dy = (cv2.Sobel(blurred, cv2.CV_32F, *order, scale=0.25, borderType=cv2.BORDER_REPLICATE)
-              for order in ((1, 0), (0, 1)))
+    dx, dy = (np.empty(gray.shape, np.int16) for _ in range(2))
+    edges.gradients(gray, sigma, np.empty_like(gray), dx, dy)
+    dx, dy = dx / edges.SOBEL_GAIN, dy / edges.SOBEL_GAIN
     magnitude = np.pad(np.hypot(dx, dy), 1)
     x, y = pixels.T
     here = magnitude[y + 1, x + 1]
-    assert (here >= parameters.contrast_low - ROUNDING).all()
+    assert (here >= parameters.contrast_low - EPSILON).all()
     largest = np.zeros(len(pixels), bool)
     for u, v in ((1, 0), (1, 1), (0, 1), (-1, 1)):
         beside = np.maximum(magnitude[y + 1 + v, x + 1 + u], magnitude[y + 1 - v, x + 1 - u])
         across = abs(u * dx[y, x] + v * dy[y, x]) >= ACROSS * np.hypot(u, v) * here
-        largest |= across & (here >= beside - ROUNDING)
+        largest |= across & (here >= beside - EPSILON)
     assert largest.all()
 
 
