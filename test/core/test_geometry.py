@@ -2,9 +2,10 @@
 Arcs move with the image.
 
 Where edges are clean and apart from each other, the image may be moved, turned, mirrored or
-inverted, and the arcs are the same within 0.05 px.  Where edges touch, not all are: pixels are
-visited row by row, a chain sets out with the brighter side to its right, and what one chain has
-taken at a junction is missing in the next.
+inverted, and the arcs are the same within 0.05 px.  An inverted image gives the same arcs always.
+Where edges touch, one that is turned or mirrored does not: pixels are visited row by row, and what
+one chain has taken at a junction is missing in the next.  Of arcs in photographs 65 to 97 % of the
+length is then within 0.07 px, 85 to 99 % within 0.3 px.
 """
 from __future__ import annotations
 
@@ -15,7 +16,7 @@ import numpy as np
 import pytest
 from qflsd_ros.core import Arcs, DivisionModel
 from rendering import half_plane, polygon, render, through_lens
-from scenery import scene
+from scenery import noise, scene
 
 
 def transposed(points: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
@@ -78,14 +79,20 @@ def test_clean_edges_move_with_the_image(change, move):
 @pytest.mark.parametrize(('change', 'move'), TRANSFORMS, ids=[
     'transposed', 'mirrored', 'upended', 'turned', 'inverted'])
 def test_scenes_move_with_the_image(change, move):
-    # Not all: pixels are visited row by row, so that where edges touch another one may go on, and
-    # of two equal neighbours across an edge the first is its place.
     shares = []
     for seed in range(6):
         gray = scene(seed)
         one, other = find(gray), find(change(gray))
         shares.append(agreement(one, other, move, gray.shape))
     assert np.mean(shares) > 0.8
+
+
+@pytest.mark.parametrize('seed', range(4))
+def test_inverted_scenes_have_the_same_arcs(seed):
+    for gray in (scene(seed), noise(seed, (240, 320))):
+        one, other = find(gray, min_score=0.0), find(255 - gray, min_score=0.0)
+        assert agreement(one, other, unmoved, gray.shape) == 1
+        assert len(one) == len(other) > 0
 
 
 @pytest.mark.parametrize(('x', 'y'), [(0, 16), (7, 3), (1, 0)])
