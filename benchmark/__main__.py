@@ -13,8 +13,8 @@ import sys
 import time
 
 from benchmark import (
-    ablation, accuracy, degraded, exactness, growth, memory, node, paper_tables, peers, plates,
-    quote, repeatability, report, robustness, sameness, speed, stages)
+    ablation, accuracy, degraded, exactness, growth, memory, node, overhead, paper_tables, peers,
+    plates, quote, repeatability, report, robustness, sameness, speed, stages)
 from benchmark.datasets import Dataset, DatasetError
 from benchmark.experiment import Effort, Experiment, QUICK
 from benchmark.rendered import write
@@ -27,7 +27,8 @@ EXPERIMENTS = {
     'degraded': degraded.measure, 'robustness': robustness.measure,
     'exactness': exactness.measure, 'repeatability': repeatability.measure,
     'sameness': sameness.measure, 'speed': speed.measure, 'growth': growth.measure,
-    'stages': stages.measure, 'node': node.measure, 'memory': memory.measure}
+    'stages': stages.measure, 'node': node.measure,
+    'overhead': overhead.measure, 'memory': memory.measure}
 RENDERED = 'rendered'
 SEQUENCES = 'seq'
 USAGE = 2               # exit code

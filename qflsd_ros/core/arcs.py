@@ -139,6 +139,9 @@ class Arcs:
         from (0, 0) on: its centre x lies at ``(x + 0.5) * factor - 0.5``.  Of the edge pixels
         each becomes the one at the centre of its block, or the last one before that.
         """
+        if factor == 1:
+            return self
+
         def place(points: np.ndarray) -> np.ndarray:
             return points * factor + (factor - 1) / 2
 
