@@ -37,7 +37,8 @@ KINDS = (Parameters, NodeParameters)
 NAMES = [field.name for kind in KINDS for field in fields(kind)]
 FLOATS = [field.name for kind in KINDS for field in fields(kind)
           if isinstance(field.default, float)]
-VALUES = [0, -1, 7, 2**62, 1e300, '', 'wide', True, [1.0], ['a', 'b'], [], None, {'a': 1}, '\u2028']
+VALUES = [0, -1, 7, 2**62, 1e300, '', 'wide', True, [1.0], ['a', 'b'], [], None, {'a': 1},
+          '\u2028']
 ARCS = Detector().detect(SCENE)
 
 bounded = settings(deadline=None, max_examples=150, derandomize=True, database=None,
