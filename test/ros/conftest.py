@@ -1,9 +1,12 @@
 """Real processes over real DDS: each test in a domain of its own, polling, never sleeping."""
 from __future__ import annotations
 
+from contextlib import suppress
+import fcntl
 import itertools
 import os
 from pathlib import Path
+import re
 import signal
 import socket
 import subprocess
@@ -97,6 +100,18 @@ class Peer:
         self.executor.shutdown()
         self.node.destroy_node()
         self.context.try_shutdown()
+
+
+@pytest.fixture(scope='session', autouse=True)
+def swept_memory() -> Iterator[None]:
+    """Remove what processes that were killed have left in shared memory: ``fastdds shm clean``."""
+    yield
+    for lock in Path('/dev/shm').glob('fastrtps_*_el'):
+        if re.fullmatch('fastrtps_[0-9a-f]{16}_el', lock.name):
+            with suppress(OSError), lock.open() as file:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)  # fails while the owner lives
+                lock.with_name(lock.name.removesuffix('_el')).unlink(missing_ok=True)
+                lock.unlink()
 
 
 def free_domains() -> Iterator[tuple[int, socket.socket]]:
