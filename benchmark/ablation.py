@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 import dataclasses
+import inspect
 import time
 from typing import Any, NamedTuple
 from unittest import mock
@@ -26,6 +27,12 @@ MIN_TRUTH = 20.0            # px, shortest line that counts
 BARE = Parameters(max_gap=0.0, min_score=-1000.0, min_distance=0.0)
 
 
+def _named(kernel: Any, arguments: tuple[Any, ...], *names: str) -> list[Any]:
+    """Return those of a kernel's arguments that have these names."""
+    bound = inspect.signature(kernel.py_func).bind(*arguments).arguments
+    return [bound[name] for name in names]
+
+
 def _segments(contour: np.ndarray, parameters: Parameters, _: object) -> list[np.ndarray]:
     """Return the segments of a contour (n, 2) px, by distances in px."""
     runs = triples.search(contour, parameters.tolerance, parameters.min_length,
@@ -40,7 +47,7 @@ def _chains(gray: np.ndarray, parameters: Parameters) -> list[np.ndarray]:
 
     def tapped(*arguments: Any) -> int:
         count = trace(*arguments)
-        xs, ys, offsets = arguments[-3:]
+        xs, ys, offsets = _named(trace, arguments, 'xs', 'ys', 'offsets')
         found.extend(np.column_stack([xs[a:b], ys[a:b]]).astype(float)
                      for a, b in zip(offsets[:count], offsets[1:count + 1]))
         return count
@@ -53,7 +60,7 @@ def _chains(gray: np.ndarray, parameters: Parameters) -> list[np.ndarray]:
 def _whole_pixels(*arguments: Any) -> None:
     """Locate edges at the middles of their pixels."""
     _LOCATE(*arguments)
-    xs, ys, n, points = arguments[-4:]
+    xs, ys, n, points = _named(_LOCATE, arguments, 'xs', 'ys', 'n', 'points')
     points[0, :n], points[1, :n] = xs[:n], ys[:n]
 
 
