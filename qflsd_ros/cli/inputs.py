@@ -106,6 +106,8 @@ def count(path: Path, topic: str) -> int:
             return Bag(path, topic, report_by_log).count
         except SourceError:
             return 0
+    if not path.is_file():
+        return 0
     return max(0, int(quiet_capture(str(path)).get(cv2.CAP_PROP_FRAME_COUNT)))
 
 

@@ -63,17 +63,25 @@ def natural_order(path: Path) -> list[tuple[int, str]]:
 
 def read_image(path: Path, colour: bool) -> np.ndarray:
     """Read an image as the sensor saw it, (H, W) or in colour (H, W, 3) B, G, R uint8."""
+    check_file(path)
     flag = cv2.IMREAD_COLOR if colour else cv2.IMREAD_GRAYSCALE
     try:
-        if not path.is_file():  # reading a pipe or a device might never end
-            path.stat()
-            raise SourceError(f'{str(path)!r}: is no file')
         # An orientation tag would turn the coordinates.
         return decode(path.read_bytes(), flag | cv2.IMREAD_IGNORE_ORIENTATION, repr(str(path)))
     except OSError as error:
         raise SourceError(f'{str(path)!r}: {error.strerror}') from error
     except DecodingError as error:
         raise SourceError(str(error)) from error
+
+
+def check_file(path: Path) -> None:
+    """Raise SourceError where a path is no file: reading a pipe or a device might never end."""
+    try:
+        path.stat()
+    except OSError as error:
+        raise SourceError(f'{str(path)!r}: {error.strerror}') from error
+    if not path.is_file():
+        raise SourceError(f'{str(path)!r}: is no file')
 
 
 def encoding(colour: bool) -> str:

@@ -9,7 +9,7 @@ import time
 import cv2
 import numpy as np
 
-from qflsd_ros.sources.files import encoding
+from qflsd_ros.sources.files import check_file, encoding
 from qflsd_ros.sources.frames import Frame, Report, Source, SourceError
 
 
@@ -22,6 +22,7 @@ class Video(Source):
         self._open().release()
 
     def _open(self) -> cv2.VideoCapture:
+        check_file(self._path)
         capture = quiet_capture(str(self._path))
         if not capture.isOpened():
             raise SourceError(f'{self.name}: no video that can be read: it is damaged or in a '

@@ -86,7 +86,8 @@ def test_pipes_devices_and_links_in_a_circle(tmp_path: Path,
     folder = tmp_path / 'in'
     folder.mkdir()
     write_image(folder / 'good.png')
-    subprocess.run(['mkfifo', folder / 'pipe.png'], check=True)
+    for name in ('pipe.png', 'video.mp4'):
+        subprocess.run(['mkfifo', folder / name], check=True)
     (folder / 'zero.png').symlink_to('/dev/zero')
     (folder / 'loop.png').symlink_to(folder / 'loop.png')
     (folder / 'one.png').symlink_to(folder / 'other.png')
@@ -95,8 +96,8 @@ def test_pipes_devices_and_links_in_a_circle(tmp_path: Path,
     for name in 'abc':
         (folder / name).symlink_to(folder)  # 3 to the 40th paths, for who follows them
     begin = time.monotonic()
-    bad = ['loop.png', 'one.png', 'other.png', 'pipe.png', 'zero.png']
-    for argument, named in ((folder, ['folder.png', *bad]), (f'{folder}/**/*.png', bad)):
+    bad = ['loop.png', 'one.png', 'other.png', 'pipe.png', 'video.mp4', 'zero.png']
+    for argument, named in ((folder, ['folder.png', *bad]), (f'{folder}/**/*.*', bad)):
         code, lines = run(capfd, argument, '--output', tmp_path / 'out')
         assert code == 1 and (tmp_path / 'out' / 'good.csv').exists()
         assert len(lines) == len(named)

@@ -1,6 +1,7 @@
 """Images, folders and videos as sources."""
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import cv2
@@ -118,6 +119,21 @@ def test_unreadable_file(tmp_path, name, content, what):
     with pytest.raises(SourceError, match=what) as error:
         open_source(str(tmp_path / name))
     assert '\n' not in str(error.value) and name.split('\n')[0] in str(error.value)
+
+
+def test_an_image_that_claims_gigabytes(tmp_path):
+    data = bytearray(cv2.imencode('.png', picture(0))[1].tobytes())
+    data[16:24] = (20000).to_bytes(4, 'big') * 2
+    (tmp_path / 'huge.png').write_bytes(data)
+    with pytest.raises(SourceError, match='huge.png.*: has 20000 x 20000 pixels'):
+        open_source(str(tmp_path / 'huge.png'))
+
+
+@pytest.mark.parametrize('name', ['pipe', 'pipe.png', 'pipe.mp4', 'pipe.mcap'])
+def test_a_pipe_is_not_waited_for(tmp_path, name):
+    os.mkfifo(tmp_path / name)
+    with pytest.raises(SourceError, match=name):
+        open_source(str(tmp_path / name))
 
 
 def test_missing_source(tmp_path):
