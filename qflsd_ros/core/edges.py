@@ -24,7 +24,7 @@ def gradients(gray: np.ndarray, blur_sigma: float, blurred: np.ndarray,
               dx: np.ndarray, dy: np.ndarray) -> None:
     """Write the Sobel gradients of a blurred (H, W) uint8 image to (H, W) int16 dx and dy."""
     if blur_sigma > 0:
-        side = 2 * max(1, math.ceil(2 * blur_sigma)) + 1
+        side = 2 * max(1, math.ceil(1.6 * blur_sigma)) + 1
         gray = cv2.GaussianBlur(gray, (side, side), blur_sigma, blurred,
                                 borderType=cv2.BORDER_REPLICATE)
     cv2.spatialGradient(gray, dx, dy, ksize=3, borderType=cv2.BORDER_REPLICATE)

@@ -39,7 +39,7 @@ MISFIT_COST = 8.0       # px of gap that weigh as much as 1 px of misfit
 ALIGNED = math.cos(math.radians(22.5))      # of the angle between gradient and normal in a gap
 FAINTEST = 1.0          # grey levels, of a gradient that counts in a gap
 FREE = 8.0              # px, longest gap that needs no evidence
-FREE_SHARE = 0.15       # the same as a share of the shorter piece
+FREE_SHARE = 0.2        # the same as a share of the shorter piece
 EVIDENCE_SLOPE = 0.3   # evidence needed for each length of the shorter piece beyond that
 EVIDENCE = 0.55         # evidence that suffices for any gap
 SEED_SHARE = 0.8        # shortest piece from which an arc is made, of the shortest arc reported
@@ -50,8 +50,7 @@ class Pieces(NamedTuple):
 
     runs: np.ndarray        # (M, 2) int64, first and last edge point
     fits: np.ndarray        # (M, FIT_SIZE) float64
-    # (2 M + 1, 4) float64: x, y and outward unit tangent, at start and end of each piece in turn;
-    # the last row is for the arc in the making
+    # (2 M, 4) float64: x, y and outward unit tangent, at start and end of each piece in turn
     ends: np.ndarray
     nodes: np.ndarray       # (M, NODES, 2) float64, px
     sums: np.ndarray        # (M, 3) float64: edge points, residual sum of squares, length
@@ -70,7 +69,7 @@ class Memory:
     """What is needed to join up to ``most`` pieces, kept from frame to frame."""
 
     def __init__(self, most: int) -> None:
-        self.ends, self.nodes = np.empty((2 * most + 1, 4)), np.empty((most, NODES, 2))
+        self.ends, self.nodes = np.empty((2 * most, 4)), np.empty((most, NODES, 2))
         self.sums, self.taken = np.empty((most, 3)), np.empty(most, np.bool_)
         self.sorted_ends, self.places = np.empty(2 * most, np.int64), np.empty((2 * most, 4))
         self.arc, self.total = np.empty((3, NODES * most)), np.empty(3)
@@ -110,7 +109,7 @@ def describe(points: np.ndarray, runs: np.ndarray, fits: np.ndarray, magnitude: 
              clear: float, noise: float, memory: Memory) -> Pieces:
     """Describe the arcs that :func:`extraction.extract` found for joining."""
     m = len(runs)
-    pieces = Pieces(runs, fits, memory.ends[:2 * m + 1], memory.nodes[:m], memory.sums[:m],
+    pieces = Pieces(runs, fits, memory.ends[:2 * m], memory.nodes[:m], memory.sums[:m],
                     memory.found[:m])
     witness(points, runs, fits, magnitude, clear, noise, pieces.found)
     _shapes(points, runs, fits, pieces.ends, pieces.nodes, pieces.sums)
@@ -163,15 +162,12 @@ def _gap(x: float, y: float, tx: float, ty: float, places: np.ndarray, k: int,
          longest: float) -> float:
     """Return the gap from an end (position, tangent) to one that may belong to it, px, or inf."""
     gx, gy = places[k, 0] - x, places[k, 1] - y
-    square = gx * gx + gy * gy
-    along = gx * tx + gy * ty
-    if square > longest * longest or along < -OVERLAP:
-        return np.inf
-    gap = math.sqrt(square)
-    if (abs(gx * ty - gy * tx) > ACROSS + ACROSS_SLOPE * gap
-            or tx * places[k, 2] + ty * places[k, 3] > -COSINE):
-        return np.inf
-    return gap
+    along, across = gx * tx + gy * ty, abs(gx * ty - gy * tx)
+    # Without a branch until all is known: most ends fail, each for another reason.
+    near = (along >= -OVERLAP) & (along <= longest) & (across <= ACROSS + ACROSS_SLOPE * abs(along))
+    if near & (tx * places[k, 2] + ty * places[k, 3] <= -COSINE):
+        return math.sqrt(gx * gx + gy * gy)
+    return np.inf
 
 
 @inlined
@@ -250,13 +246,12 @@ def _cost(nodes: np.ndarray, sums: np.ndarray, other: int, side: int, gap: float
 @inlined
 def _partner(nodes: np.ndarray, sums: np.ndarray, begins: np.ndarray, sorted_ends: np.ndarray,
              places: np.ndarray, taken: np.ndarray, arc: np.ndarray, n: int, total: np.ndarray,
-             fits: np.ndarray, now: int, ends: np.ndarray, max_gap: float, tolerance: float,
-             significance: float, sharpest: float, columns: int, rows: int, dx: np.ndarray,
-             dy: np.ndarray) -> tuple[int, float]:
+             fits: np.ndarray, now: int, tip: tuple[float, float, float, float], max_gap: float,
+             tolerance: float, significance: float, sharpest: float, columns: int, rows: int,
+             dx: np.ndarray, dy: np.ndarray) -> tuple[int, float]:
     """Return the end (2 piece + side, or -1) that continues an arc best, and the gap to it."""
     reach = min(max_gap, 2 * GAP_SHARE * total[SIZE])
-    tip = len(ends) - 1
-    x, y, tx, ty = ends[tip, 0], ends[tip, 1], ends[tip, 2], ends[tip, 3]
+    x, y, tx, ty = tip
     left = _cell(min(x, x + reach * tx) - OVERLAP, columns)
     right = _cell(max(x, x + reach * tx) + OVERLAP, columns)
     best, best_gap, best_cost = -1, np.inf, np.inf
@@ -297,12 +292,15 @@ def _take(nodes: np.ndarray, sums: np.ndarray, piece: int, side: int, gap: float
 
 
 @inlined
-def _outward(ends: np.ndarray, e: int, fits: np.ndarray, now: int) -> None:
-    """Make the foot of a piece's end on an arc the end of the arc in the making."""
-    tip = len(ends) - 1
-    _end(fits, now, ends[e, 0], ends[e, 1], ends, tip)
-    if ends[tip, 2] * ends[e, 2] + ends[tip, 3] * ends[e, 3] < 0:
-        ends[tip, 2], ends[tip, 3] = -ends[tip, 2], -ends[tip, 3]
+def _tip(ends: np.ndarray, e: int, fits: np.ndarray, now: int,
+         alone: bool) -> tuple[float, float, float, float]:
+    """Return the end of an arc, and its outward tangent, where the end e of a piece is."""
+    if alone:
+        return ends[e, 0], ends[e, 1], ends[e, 2], ends[e, 3]
+    x, y, tx, ty = circle.foot(fits, now, ends[e, 0], ends[e, 1])
+    if tx * ends[e, 2] + ty * ends[e, 3] < 0:
+        return x, y, -tx, -ty
+    return x, y, tx, ty
 
 
 @inlined
@@ -342,9 +340,10 @@ def _join(piece_fits: np.ndarray, ends: np.ndarray, nodes: np.ndarray, sums: np.
             fits[arcs, k] = piece_fits[seed, k]
         for _ in range(2):
             while True:
-                _outward(ends, 2 * members[placed, 0] + 1 - members[placed, 1], fits, arcs)
+                tip = _tip(ends, 2 * members[placed, 0] + 1 - members[placed, 1], fits, arcs,
+                           placed == first)
                 best, gap = _partner(nodes, sums, begins, sorted_ends, places, taken, arc, n,
-                                     total, fits, arcs, ends, max_gap, tolerance,
+                                     total, fits, arcs, tip, max_gap, tolerance,
                                      significance, sharpest, columns, rows, dx, dy)
                 if best < 0:
                     break

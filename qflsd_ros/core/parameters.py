@@ -108,7 +108,7 @@ class Parameters:
         2.4, 'Of parallel arcs closer than this the longest is reported; 0 reports all.',
         'px', 0.0, 100.0)
     max_gap: float = parameter(
-        40.0, 'Longest gap between two pieces of one arc; 0 leaves joining out.',
+        60.0, 'Longest gap between two pieces of one arc; 0 leaves joining out.',
         'px', 0.0, 1000.0)
     paper_epsilon: float = parameter(
         500.0, 'Method paper only: bound epsilon on the algebraic error E of equation (10).',

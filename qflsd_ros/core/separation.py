@@ -14,7 +14,7 @@ import numpy as np
 from qflsd_ros.core.compilation import compiled, inlined
 
 PARALLEL = math.sin(math.radians(10.0))
-HIDDEN = 0.65       # share of an arc beside others from which on it is left out
+HIDDEN = 0.6        # share of an arc beside others from which on it is left out
 LENGTH = 7          # column of a row in which its length is
 CELL = 16.0         # px, of the grid
 ENTRIES = 2         # of an arc to the grid for each length of a cell
