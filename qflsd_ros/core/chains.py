@@ -135,7 +135,7 @@ def trace(dx: np.ndarray, dy: np.ndarray, edges: np.ndarray, words: np.ndarray,
     dx, dy
         (H W,) int16 gradients: a chain starts out at right angles to them.
     edges, words
-        The edge map as :func:`edges.thin` leaves it.
+        The edge map as :func:`edges.find` leaves it.
     steps
         (8,) int64, from a pixel to its neighbours, of :func:`steps`.
     shortest

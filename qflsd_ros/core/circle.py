@@ -20,7 +20,7 @@ import math
 
 import numpy as np
 
-from qflsd_ros.core.compilation import inlined, summed
+from qflsd_ros.core.compilation import compiled, inlined, summed
 
 Circle = tuple[float, float, float, float]
 
@@ -79,7 +79,71 @@ NOISE_FLOOR = 0.05      # px, the least standard deviation that a point is belie
 CORRELATED = 4.0
 
 
+# Sums of z^2, z t, z, t^2, t, 1, z v, t v, v and v^2 over points (t, v), where z = t^2 + v^2.
+Moments = tuple[float, float, float, float, float, float, float, float, float, float]
+
+
 @summed
+def _moments(points: np.ndarray, first: int, last: int, ox: float, oy: float, ux: float,
+             uy: float) -> Moments:
+    """Return the weighted moments of points in a frame with origin (ox, oy) and axis (ux, uy)."""
+    szz = szt = sz = stt = st = sw = szv = stv = sv = svv = 0.0
+    weighted = len(points) == 3
+    for i in range(first, last + 1):
+        dx, dy = points[0, i] - ox, points[1, i] - oy
+        t, v = dx * ux + dy * uy, dy * ux - dx * uy
+        z = t * t + v * v
+        w = float(points[2, i]) if weighted else 1.0
+        szz += w * z * z
+        szt += w * z * t
+        sz += w * z
+        stt += w * t * t
+        st += w * t
+        sw += w
+        szv += w * z * v
+        stv += w * t * v
+        sv += w * v
+        svv += w * v * v
+    return szz, szt, sz, stt, st, sw, szv, stv, sv, svv
+
+
+# A, B, D, the residual sum of squares, and the variances of A and D.
+Solution = tuple[float, float, float, float, float, float]
+
+
+@inlined
+def _circle(moments: Moments, residual: float) -> Solution:
+    """Return the least squares of A z + B t + D + v; its variances are nan where there is none."""
+    szz, szt, sz, stt, st, sw, szv, stv, sv, svv = moments
+    # The inverse of the symmetric matrix of the normal equations, by its cofactors.
+    caa, cab, cad = stt * sw - st * st, sz * st - szt * sw, szt * st - sz * stt
+    cbb, cbd, cdd = szz * sw - sz * sz, szt * sz - szz * st, szz * stt - szt * szt
+    det = szz * caa + szt * cab + sz * cad
+    if not det > 1e-12 * szz * stt * sw:
+        return 0.0, 0.0, 0.0, 0.0, np.nan, np.nan
+    a = -(caa * szv + cab * stv + cad * sv) / det
+    b = -(cab * szv + cbb * stv + cbd * sv) / det
+    d = -(cad * szv + cbd * stv + cdd * sv) / det
+    rss = residual + max(0.0, svv + a * szv + b * stv + d * sv)
+    variance = CORRELATED * max(rss / max(sw - 3.0, 1.0), NOISE_FLOOR ** 2)
+    return a, b, d, rss, variance * caa / det, variance * cdd / det
+
+
+@inlined
+def _line(moments: Moments, residual: float, var_a: float) -> Solution:
+    """Return the least squares of B t + D + v; its variances are nan where there is none."""
+    _, _, _, stt, st, sw, _, stv, sv, svv = moments
+    det = stt * sw - st * st
+    if not det > 0.0:
+        return 0.0, 0.0, 0.0, 0.0, np.nan, np.nan
+    b = -(sw * stv - st * sv) / det
+    d = -(stt * sv - st * stv) / det
+    rss = residual + max(0.0, svv + b * stv + d * sv)
+    variance = CORRELATED * max(rss / max(sw - 2.0, 1.0), NOISE_FLOOR ** 2)
+    return 0.0, b, d, rss, var_a, variance * stt / det
+
+
+@compiled
 def fit(points: np.ndarray, first: int, last: int, residual: float, significance: float,
         sharpest: float, fits: np.ndarray, row: int) -> bool:
     """
@@ -116,51 +180,17 @@ def fit(points: np.ndarray, first: int, last: int, residual: float, significance
     if size == 0.0:
         return False
     ux, uy = ux / size, uy / size
-    szz = szt = sz = stt = st = sw = szv = stv = sv = svv = 0.0
-    weighted = len(points) == 3
-    for i in range(first, last + 1):
-        dx, dy = points[0, i] - ox, points[1, i] - oy
-        t, v = dx * ux + dy * uy, dy * ux - dx * uy
-        z = t * t + v * v
-        w = float(points[2, i]) if weighted else 1.0
-        szz += w * z * z
-        szt += w * z * t
-        sz += w * z
-        stt += w * t * t
-        st += w * t
-        sw += w
-        szv += w * z * v
-        stv += w * t * v
-        sv += w * v
-        svv += w * v * v
-    # The inverse of the symmetric matrix of the normal equations, by its cofactors.
-    caa, cab, cad = stt * sw - st * st, sz * st - szt * sw, szt * st - sz * stt
-    cbb, cbd, cdd = szz * sw - sz * sz, szt * sz - szz * st, szz * stt - szt * szt
-    det = szz * caa + szt * cab + sz * cad
-    a = var_a = 0.0
-    curved = det > 1e-12 * szz * stt * sw
-    if curved:
-        a = -(caa * szv + cab * stv + cad * sv) / det
-        b = -(cab * szv + cbb * stv + cbd * sv) / det
-        d = -(cad * szv + cbd * stv + cdd * sv) / det
-        rss = residual + max(0.0, svv + a * szv + b * stv + d * sv)
-        variance = CORRELATED * max(rss / max(sw - 3.0, 1.0), NOISE_FLOOR ** 2)
-        var_a, var_d = variance * caa / det, variance * cdd / det
-        curved = a * a > significance ** 2 * var_a and 2 * abs(a) <= sharpest
-    if not curved:
-        det = stt * sw - st * st
-        if not det > 0.0:
+    moments = _moments(points, first, last, ox, oy, ux, uy)
+    a, b, d, rss, var_a, var_d = _circle(moments, residual)
+    if not (a * a > significance ** 2 * var_a and 2 * abs(a) <= sharpest):
+        var_a = var_a if var_a >= 0 else 0.0
+        a, b, d, rss, var_a, var_d = _line(moments, residual, var_a)
+        if not var_d >= 0:
             return False
-        a = 0.0
-        b = -(sw * stv - st * sv) / det
-        d = -(stt * sv - st * stv) / det
-        rss = residual + max(0.0, svv + b * stv + d * sv)
-        variance = CORRELATED * max(rss / max(sw - 2.0, 1.0), NOISE_FLOOR ** 2)
-        var_d = variance * stt / det
     norm = math.sqrt(max(b * b + 1.0 - 4.0 * a * d, 1e-12))
     fits[row, 0], fits[row, 1], fits[row, 2] = ox, oy, a / norm
     fits[row, 3], fits[row, 4] = (b * ux - uy) / norm, (b * uy + ux) / norm
-    fits[row, 5], fits[row, 6], fits[row, 7] = d / norm, rss, sw
+    fits[row, 5], fits[row, 6], fits[row, 7] = d / norm, rss, moments[5]
     fits[row, 8], fits[row, 9] = var_a, var_d
     return True
 

@@ -46,7 +46,7 @@ class Detector:
         mask
             (H, W) uint8 or bool, not zero where arcs may be: none begins, ends or passes outside,
             so that the rim of the mask is not taken for an edge.  Keep the array between frames:
-            it is looked at when another one comes.  Not for method paper.
+            it is looked at when another one comes.
 
         Returns
         -------
@@ -57,7 +57,8 @@ class Detector:
         TypeError
             ``gray`` is not an array of uint8.
         ValueError
-            ``gray`` has not two dimensions, or no pixel; ``mask`` has not its shape.
+            ``gray`` has not two dimensions, or no pixel; ``mask`` has not its shape, or is given
+            with method paper, which knows none.
 
         """
         _check(gray, mask)
@@ -65,6 +66,8 @@ class Detector:
             return Arcs.empty()
         gray = np.ascontiguousarray(gray)
         if self.parameters.method == 'paper':
+            if mask is not None:
+                raise ValueError('mask is given: method paper has none, leave it out or use arcs')
             return paper.detect(gray, self.parameters)
         count = self._find_chains(gray, mask)
         pieces = self._extract(count)
@@ -82,10 +85,8 @@ class Detector:
         edges.gradients(gray, blur_sigma, memory.blurred, memory.dx, memory.dy)
         dx, dy = memory.dx.reshape(-1), memory.dy.reshape(-1)
         magnitude = memory.magnitude.reshape(-1)
-        edges.magnitudes(dx, dy, magnitude)
-        memory.reserve(edges.thin(memory.dx, memory.dy, memory.magnitude,
-                                  parameters.contrast_low, parameters.contrast_high,
-                                  memory.edges))
+        memory.reserve(edges.find(memory.dx, memory.dy, parameters.contrast_low,
+                                  parameters.contrast_high, memory.magnitude, memory.edges))
         if mask is not None:
             edges.remove(memory.dx, memory.edges, memory.blocked(mask))
         count = chains.trace(dx, dy, memory.flat, memory.words, memory.steps, SHORTEST,

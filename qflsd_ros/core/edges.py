@@ -12,7 +12,7 @@ import math
 import cv2
 import numpy as np
 
-from qflsd_ros.core.compilation import compiled
+from qflsd_ros.core.compilation import compiled, inlined
 
 SOBEL_GAIN = 4.0                # Sobel's response to a step of one grey level
 WEAK, STRONG = 1, 2             # what an edge pixel is in the edge map
@@ -30,31 +30,53 @@ def gradients(gray: np.ndarray, blur_sigma: float, blurred: np.ndarray,
     cv2.spatialGradient(gray, dx, dy, ksize=3, borderType=cv2.BORDER_REPLICATE)
 
 
-@compiled
-def magnitudes(dx: np.ndarray, dy: np.ndarray, magnitude: np.ndarray) -> None:
-    """Write the gradient's magnitude in grey levels; all (H W,), dx, dy int16, else float32."""
+@inlined
+def _magnitudes(dx: np.ndarray, dy: np.ndarray, row: int, magnitude: np.ndarray) -> None:
+    """Write the gradient's magnitude in one row."""
+    gx, gy, out = dx[row], dy[row], magnitude[row]
     scale = np.float32(1 / SOBEL_GAIN)
-    for i in range(len(dx)):
-        x, y = np.float32(dx[i]), np.float32(dy[i])
-        magnitude[i] = scale * np.float32(math.sqrt(x * x + y * y))
+    for i in range(len(out)):
+        x, y = np.float32(gx[i]), np.float32(gy[i])
+        out[i] = scale * np.float32(math.sqrt(x * x + y * y))
+
+
+@inlined
+def _thin(dx: np.ndarray, dy: np.ndarray, magnitude: np.ndarray, row: int, low: float, high: float,
+          edges: np.ndarray) -> int:
+    """Find the edge pixels of one row, and return their number."""
+    gx, gy, out = dx[row, 1:-1], dy[row, 1:-1], edges[row, 1:-1]
+    up, here, down = magnitude[row - 1, 1:-1], magnitude[row], magnitude[row + 1, 1:-1]
+    left, mid, right = here[:-2], here[1:-1], here[2:]
+    found = np.int32(0)
+    for i in range(len(out)):
+        m, um, dm, ll, rr = mid[i], up[i], down[i], left[i], right[i]
+        across_x = abs(np.float32(gx[i])) >= abs(np.float32(gy[i]))
+        before = ll if across_x else um
+        after = rr if across_x else dm
+        edge = (m > before) & (m >= after) & (m >= low)
+        out[i] = np.uint8(edge) + np.uint8(edge & (m >= high))
+        found += np.int32(edge)
+    return found
 
 
 @compiled
-def thin(dx: np.ndarray, dy: np.ndarray, magnitude: np.ndarray, low: float, high: float,
+def find(dx: np.ndarray, dy: np.ndarray, low: float, high: float, magnitude: np.ndarray,
          edges: np.ndarray) -> int:
     """
     Find the pixels at which the magnitude is largest across the edge (Canny).
 
     Each is compared with its two neighbours along x or y, whichever is closer to the gradient, so
-    that an edge in any direction is one pixel wide.  The loop has no branches, so that the
+    that an edge in any direction is one pixel wide.  The loops have no branches, so that the
     compiler can do several pixels at once.
 
     Parameters
     ----------
-    dx, dy, magnitude
-        (H, W), int16 and float32, as :func:`gradients` and :func:`magnitudes` leave them.
+    dx, dy
+        (H, W) int16, as :func:`gradients` leaves them; H and W at least 3.
     low, high
         Magnitudes in grey levels from which on a pixel is weak or strong.
+    magnitude
+        (H, W) float32, takes the gradient's magnitude in grey levels.
     edges
         (H, W) uint8, takes WEAK or STRONG at edge pixels, 0 elsewhere and in the outermost rows
         and columns.
@@ -64,24 +86,15 @@ def thin(dx: np.ndarray, dy: np.ndarray, magnitude: np.ndarray, low: float, high
     Number of edge pixels.
 
     """
-    height, width = magnitude.shape
+    height, width = edges.shape
     low, high = np.float32(low), np.float32(high)
     edges[0], edges[height - 1], edges[:, 0], edges[:, width - 1] = 0, 0, 0, 0
+    _magnitudes(dx, dy, 0, magnitude)
+    _magnitudes(dx, dy, 1, magnitude)
     count = 0
     for row in range(1, height - 1):
-        gx, gy, out = dx[row, 1:-1], dy[row, 1:-1], edges[row, 1:-1]
-        up, here, down = magnitude[row - 1, 1:-1], magnitude[row], magnitude[row + 1, 1:-1]
-        left, mid, right = here[:-2], here[1:-1], here[2:]
-        found = np.int32(0)
-        for i in range(width - 2):
-            m, um, dm, ll, rr = mid[i], up[i], down[i], left[i], right[i]
-            across_x = abs(np.float32(gx[i])) >= abs(np.float32(gy[i]))
-            before = ll if across_x else um
-            after = rr if across_x else dm
-            edge = (m > before) & (m >= after) & (m >= low)
-            out[i] = np.uint8(edge) + np.uint8(edge & (m >= high))
-            found += np.int32(edge)
-        count += found
+        _magnitudes(dx, dy, row + 1, magnitude)
+        count += _thin(dx, dy, magnitude, row, low, high, edges)
     return count
 
 
@@ -109,7 +122,7 @@ def locate(dx: np.ndarray, dy: np.ndarray, magnitude: np.ndarray, width: int, xs
     Parameters
     ----------
     dx, dy, magnitude
-        (H W,) as :func:`magnitudes` leaves them.
+        (H W,) as :func:`find` leaves them.
     width
         Pixels in a row.
     xs, ys, n

@@ -19,7 +19,6 @@ import numpy as np
 from qflsd_ros.core import circle
 from qflsd_ros.core.compilation import compiled, inlined
 
-REFITS = 2          # most rounds of refitting and growing
 # Points times curvature of an arc at most: points are up to 1.41 px apart, and the picture of a
 # straight edge never turns by more than half a turn (3.14).
 MOST_TURN = 2.2
@@ -84,12 +83,10 @@ def _refit(points: np.ndarray, first: int, last: int, lo: int, hi: int,
     """Fit a run, grow it and fit again; return the run that was fitted last, or (0, -1)."""
     if not circle.fit(points, lo, hi, 0.0, significance, sharpest, fits, row):
         return 0, -1
-    for _ in range(REFITS):
-        model = (fits[row, 2], fits[row, 3], fits[row, 4], fits[row, 5])
-        new_lo, new_hi = _run(model, fits[row, 0], fits[row, 1], points, first, last,
-                              (lo + hi) // 2, tolerance)
-        if new_lo == lo and new_hi == hi:
-            break
+    model = (fits[row, 2], fits[row, 3], fits[row, 4], fits[row, 5])
+    new_lo, new_hi = _run(model, fits[row, 0], fits[row, 1], points, first, last, (lo + hi) // 2,
+                          tolerance)
+    if new_lo != lo or new_hi != hi:
         lo, hi = new_lo, new_hi
         if not circle.fit(points, lo, hi, 0.0, significance, sharpest, fits, row):
             return 0, -1

@@ -162,10 +162,11 @@ def _gap(x: float, y: float, tx: float, ty: float, places: np.ndarray, k: int,
          longest: float) -> float:
     """Return the gap from an end (position, tangent) to one that may belong to it, px, or inf."""
     gx, gy = places[k, 0] - x, places[k, 1] - y
-    along, across = gx * tx + gy * ty, abs(gx * ty - gy * tx)
+    along, across = gx * tx + gy * ty, gx * ty - gy * tx
     # Without a branch until all is known: most ends fail, each for another reason.
-    near = (along >= -OVERLAP) & (along <= longest) & (across <= ACROSS + ACROSS_SLOPE * abs(along))
-    if near & (tx * places[k, 2] + ty * places[k, 3] <= -COSINE):
+    within = (along >= -OVERLAP) & (along <= longest)
+    beside = abs(across) <= ACROSS + ACROSS_SLOPE * abs(along)
+    if within & beside & (tx * places[k, 2] + ty * places[k, 3] <= -COSINE):
         return math.sqrt(gx * gx + gy * gy)
     return np.inf
 

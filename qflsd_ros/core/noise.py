@@ -19,6 +19,7 @@ BLOCK = 8               # px, side of a block
 ROWS, COLUMNS = 12, 16  # of blocks
 FLATTEST = 0.1          # share of the blocks that are believed to show noise alone
 BLUR = 0.1              # px for each grey level of noise
+MOST_BLUR = 2.0         # px; more noise than that blur is for is texture all over the image
 GAIN = math.sqrt(math.pi / 2) / 6       # standard deviation of white noise over mean response
 
 
@@ -55,7 +56,7 @@ def _responses(gray: np.ndarray, responses: np.ndarray) -> int:
 
 def blur(least: float, noise: float) -> float:
     """Return the standard deviation in px of the blur that an image with such noise needs."""
-    return math.hypot(least, BLUR * noise)
+    return math.hypot(least, min(BLUR * noise, MOST_BLUR))
 
 
 def of_gradient(noise: float, blur_sigma: float) -> float:

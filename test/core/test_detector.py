@@ -138,3 +138,9 @@ def test_any_image_is_sound(gray):
                             contrast_high=1.0)
     for image in (gray, np.kron(gray[:12, :12], np.ones((7, 7), np.uint8))):
         assert_sound(Detector(parameters).detect(image), image, parameters)
+
+
+def test_the_published_method_has_no_mask():
+    gray = np.zeros((20, 30), np.uint8)
+    with pytest.raises(ValueError, match='mask'):
+        Detector(Parameters(method='paper')).detect(gray, gray + 1)
