@@ -162,4 +162,5 @@ class Arcs:
         K is 2 for what is straight to within ``tolerance`` px.
         """
         points, counts = self.vertices(tolerance)
-        return np.split(points, np.cumsum(counts)[:-1]) if len(self) else []
+        ends = np.cumsum(counts).tolist()
+        return [points[begin:end] for begin, end in zip([0, *ends], ends)]

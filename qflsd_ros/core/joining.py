@@ -16,21 +16,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from qflsd_ros.core import circle
+from qflsd_ros.core import circle, neighbours
 from qflsd_ros.core.circle import FIT_SIZE
 from qflsd_ros.core.compilation import compiled, inlined
 from qflsd_ros.core.edges import MASKED, SOBEL_GAIN
+from qflsd_ros.core.neighbours import cell, Grid, OVERLAP
 from qflsd_ros.core.validation import witness, WITNESSES
 
 NODES = 3
 COUNT, RSS, SIZE = 0, 1, 2      # columns of Pieces.sums, and of the same of an arc
 NODE_AT = np.array([-math.sqrt(0.6), 0.0, math.sqrt(0.6)])
 NODE_WEIGHT = np.array([5.0, 8.0, 5.0]) / 18.0
-CELL = 16.0             # px, of the grid in which ends are looked up
-COSINE = math.cos(math.radians(9.0))       # of the angle between the tangents at a gap
-OVERLAP = 4.0           # px by which two pieces may overlap
-ACROSS = 1.2            # px that an end may lie beside the tangent at the other
-ACROSS_SLOPE = 0.18     # px more of that for each px of gap
 GAP_SHARE = 0.7         # longest gap, of the sum of both lengths
 MISFIT = 0.7            # px, rms by which the shorter piece may lie off the joined arc
 MOST_TURN = 3.0         # radians; the picture of a straight edge never turns by more than 3.14
@@ -65,14 +61,31 @@ class Joined(NamedTuple):
     fits: np.ndarray        # (N, FIT_SIZE) float64
 
 
+class Making(NamedTuple):
+    """The arc in the making: row ``arcs`` of the fits, and the row after it to try in."""
+
+    nodes: np.ndarray       # (3, N) float64, x, y and weight of its pieces' nodes, in order
+    total: np.ndarray       # (3,) float64, the sums of its pieces, and the gaps in its length
+    fits: np.ndarray        # (N + 1, FIT_SIZE) float64
+
+
+class Limits(NamedTuple):
+    """What is set; see :func:`join`."""
+
+    max_gap: float
+    tolerance: float
+    significance: float
+    sharpest: float
+
+
 class Memory:
     """What is needed to join up to ``most`` pieces, kept from frame to frame."""
 
     def __init__(self, most: int) -> None:
         self.ends, self.nodes = np.empty((2 * most, 4)), np.empty((most, NODES, 2))
         self.sums, self.taken = np.empty((most, 3)), np.empty(most, np.bool_)
-        self.sorted_ends, self.places = np.empty(2 * most, np.int64), np.empty((2 * most, 4))
-        self.arc, self.total = np.empty((3, NODES * most)), np.empty(3)
+        self.order, self.places = np.empty(2 * most, np.int64), np.empty((2 * most, 4))
+        self.nodes_of_arc, self.total = np.empty((3, NODES * most)), np.empty(3)
         self.members, self.offsets = np.empty((most, 2), np.int64), np.empty(most + 1, np.int64)
         self.fits, self.found = np.empty((most + 1, FIT_SIZE)), np.empty((most, WITNESSES))
 
@@ -116,80 +129,25 @@ def describe(points: np.ndarray, runs: np.ndarray, fits: np.ndarray, magnitude: 
     return pieces
 
 
-@compiled
-def _index(ends: np.ndarray, columns: int, rows: int, begins: np.ndarray, filled: np.ndarray,
-           sorted_ends: np.ndarray, places: np.ndarray) -> None:
-    """
-    Sort ends into square cells, row by row.
-
-    Parameters
-    ----------
-    ends
-        As in :class:`Pieces`.
-    columns, rows
-        Number of cells.
-    begins
-        (rows columns + 1,) int64, zeros; takes where in the order each cell begins.
-    filled
-        The same, scratch.
-    sorted_ends
-        (2 M,) int64, takes the ends (2 piece + side) in order of their cells.
-    places
-        (2 M, 4) float64, takes these ends' position and tangent, in the same order.
-
-    """
-    for e in range(len(sorted_ends)):
-        begins[_cell(ends[e, 1], rows) * columns + _cell(ends[e, 0], columns) + 1] += 1
-    for k in range(rows * columns):
-        begins[k + 1] += begins[k]
-        filled[k] = begins[k]
-    for e in range(len(sorted_ends)):
-        cell = _cell(ends[e, 1], rows) * columns + _cell(ends[e, 0], columns)
-        k = filled[cell]
-        filled[cell] += 1
-        sorted_ends[k] = e
-        for column in range(4):
-            places[k, column] = ends[e, column]
-
-
 @inlined
-def _cell(coordinate: float, cells: int) -> int:
-    return min(max(int(coordinate / CELL), 0), cells - 1)
-
-
-@inlined
-def _gap(x: float, y: float, tx: float, ty: float, places: np.ndarray, k: int,
-         longest: float) -> float:
-    """Return the gap from an end (position, tangent) to one that may belong to it, px, or inf."""
-    gx, gy = places[k, 0] - x, places[k, 1] - y
-    along, across = gx * tx + gy * ty, gx * ty - gy * tx
-    # Without a branch until all is known: most ends fail, each for another reason.
-    within = (along >= -OVERLAP) & (along <= longest)
-    beside = abs(across) <= ACROSS + ACROSS_SLOPE * abs(along)
-    if within & beside & (tx * places[k, 2] + ty * places[k, 3] <= -COSINE):
-        return math.sqrt(gx * gx + gy * gy)
-    return np.inf
-
-
-@inlined
-def _append(nodes: np.ndarray, sums: np.ndarray, piece: int, side: int, arc: np.ndarray,
-            n: int) -> int:
+def _append(pieces: Pieces, piece: int, side: int, arc: Making, n: int) -> int:
     """Write the nodes of a piece, from its given side on, to columns n on; return the new n."""
     for k in range(NODES):
         j = k if side == 0 else NODES - 1 - k
-        arc[0, n + k], arc[1, n + k] = nodes[piece, j, 0], nodes[piece, j, 1]
-        arc[2, n + k] = NODE_WEIGHT[k] * sums[piece, COUNT]
+        arc.nodes[0, n + k] = pieces.nodes[piece, j, 0]
+        arc.nodes[1, n + k] = pieces.nodes[piece, j, 1]
+        arc.nodes[2, n + k] = NODE_WEIGHT[k] * pieces.sums[piece, COUNT]
     return n + NODES
 
 
 @inlined
-def _farthest(fits: np.ndarray, which: int, arc: np.ndarray, first: int, last: int) -> float:
-    """Return the largest distance of nodes first to last - 1 from a curve, px."""
-    farthest = 0.0
+def _farthest(arc: Making, which: int, first: int, last: int) -> float:
+    """Return the largest distance of nodes first to last - 1 from a fit, px."""
+    farthest, fits = 0.0, arc.fits
     for k in range(first, last):
         farthest = max(farthest, abs(circle.value(
             (fits[which, 2], fits[which, 3], fits[which, 4], fits[which, 5]),
-            arc[0, k] - fits[which, 0], arc[1, k] - fits[which, 1])))
+            arc.nodes[0, k] - fits[which, 0], arc.nodes[1, k] - fits[which, 1])))
     return farthest
 
 
@@ -221,74 +179,88 @@ def _evidence(fits: np.ndarray, which: int, x0: float, y0: float, x1: float, y1:
 
 
 @inlined
-def _cost(nodes: np.ndarray, sums: np.ndarray, other: int, side: int, gap: float,
-          arc: np.ndarray, n: int, total: np.ndarray, fits: np.ndarray, now: int,
-          tolerance: float, significance: float, sharpest: float) -> float:
+def _cost(pieces: Pieces, other: int, side: int, gap: float, arc: Making, n: int, now: int,
+          limits: Limits) -> float:
     """Return what joining a piece to an arc costs, px, or inf; writes the fit behind the arc's."""
-    k = _append(nodes, sums, other, side, arc, n)
-    size = sums[other, SIZE]
+    k = _append(pieces, other, side, arc, n)
+    size = pieces.sums[other, SIZE]
     # The farther a piece reaches beyond the arc so far, the less that says where it should be.
-    lever = 1 + (gap + size) / total[SIZE]
-    off = LEEWAY * tolerance
-    if _farthest(fits, now, arc, n, k) > off * (1 + 2 * lever * lever):
+    lever = 1 + (gap + size) / arc.total[SIZE]
+    off = LEEWAY * limits.tolerance
+    if _farthest(arc, now, n, k) > off * (1 + 2 * lever * lever):
         return np.inf
-    residual = total[RSS] + sums[other, RSS]
-    if not circle.fit(arc, 0, k - 1, residual, significance, sharpest, fits, now + 1):
+    residual = arc.total[RSS] + pieces.sums[other, RSS]
+    if not circle.fit(arc.nodes, 0, k - 1, residual, limits.significance, limits.sharpest,
+                      arc.fits, now + 1):
         return np.inf
-    if 2 * abs(fits[now + 1, 2]) * (total[SIZE] + gap + size) > MOST_TURN:
+    if 2 * abs(arc.fits[now + 1, 2]) * (arc.total[SIZE] + gap + size) > MOST_TURN:
         return np.inf
-    fewer = min(total[COUNT], sums[other, COUNT])
-    misfit = math.sqrt(max(0.0, fits[now + 1, 6] - residual) / fewer)
-    if misfit > MISFIT or _farthest(fits, now + 1, arc, 0, k) > off:
+    fewer = min(arc.total[COUNT], pieces.sums[other, COUNT])
+    misfit = math.sqrt(max(0.0, arc.fits[now + 1, 6] - residual) / fewer)
+    if misfit > MISFIT or _farthest(arc, now + 1, 0, k) > off:
         return np.inf
     return gap + MISFIT_COST * misfit
 
 
 @inlined
-def _partner(nodes: np.ndarray, sums: np.ndarray, begins: np.ndarray, sorted_ends: np.ndarray,
-             places: np.ndarray, taken: np.ndarray, arc: np.ndarray, n: int, total: np.ndarray,
-             fits: np.ndarray, now: int, tip: tuple[float, float, float, float], max_gap: float,
-             tolerance: float, significance: float, sharpest: float, columns: int, rows: int,
-             dx: np.ndarray, dy: np.ndarray) -> tuple[int, float]:
+def _needed(gap: float, shorter: float) -> float:
+    """Return the evidence that a gap needs next to a piece of such a length, both in px."""
+    if gap <= FREE:
+        return 0.0
+    return max(0.0, min(EVIDENCE, EVIDENCE_SLOPE * (gap / shorter - FREE_SHARE)))
+
+
+@inlined
+def _partner(pieces: Pieces, grid: Grid, taken: np.ndarray, arc: Making, n: int, now: int,
+             tip: tuple[float, float, float, float], limits: Limits, dx: np.ndarray,
+             dy: np.ndarray) -> tuple[int, float]:
     """Return the end (2 piece + side, or -1) that continues an arc best, and the gap to it."""
-    reach = min(max_gap, 2 * GAP_SHARE * total[SIZE])
+    size = arc.total[SIZE]
+    reach = min(limits.max_gap, 2 * GAP_SHARE * size)
     x, y, tx, ty = tip
-    left = _cell(min(x, x + reach * tx) - OVERLAP, columns)
-    right = _cell(max(x, x + reach * tx) + OVERLAP, columns)
+    left = cell(min(x, x + reach * tx) - OVERLAP, grid.columns)
+    right = cell(max(x, x + reach * tx) + OVERLAP, grid.columns)
     best, best_gap, best_cost = -1, np.inf, np.inf
-    for r in range(_cell(min(y, y + reach * ty) - OVERLAP, rows),
-                   _cell(max(y, y + reach * ty) + OVERLAP, rows) + 1):
-        for k in range(begins[r * columns + left], begins[r * columns + right + 1]):
-            gap = _gap(x, y, tx, ty, places, k, min(reach, best_cost))
+    for r in range(cell(min(y, y + reach * ty) - OVERLAP, grid.rows),
+                   cell(max(y, y + reach * ty) + OVERLAP, grid.rows) + 1):
+        row = r * grid.columns
+        for k in range(grid.begins[row + left], grid.begins[row + right + 1]):
+            gap = neighbours.gap(tip, grid, k, min(reach, best_cost))
             if gap == np.inf:
                 continue
-            other = sorted_ends[k] // 2
-            if taken[other] or gap > GAP_SHARE * (total[SIZE] + sums[other, SIZE]):
+            other = grid.order[k] // 2
+            if taken[other] or gap > GAP_SHARE * (size + pieces.sums[other, SIZE]):
                 continue
-            cost = _cost(nodes, sums, other, sorted_ends[k] % 2, gap, arc, n, total, fits, now,
-                         tolerance, significance, sharpest)
+            cost = _cost(pieces, other, grid.order[k] % 2, gap, arc, n, now, limits)
             if cost >= best_cost:
                 continue
-            shorter = min(sums[other, SIZE], total[SIZE])
-            needed = 0.0
-            if gap > FREE:
-                needed = min(EVIDENCE, EVIDENCE_SLOPE * (gap / shorter - FREE_SHARE))
-            found = _evidence(fits, now + 1, x, y, places[k, 0], places[k, 1], dx, dy)
-            if found >= max(0.0, needed):
-                best, best_gap, best_cost = sorted_ends[k], gap, cost
+            found = _evidence(arc.fits, now + 1, x, y, grid.places[k, 0], grid.places[k, 1],
+                              dx, dy)
+            if found >= _needed(gap, min(pieces.sums[other, SIZE], size)):
+                best, best_gap, best_cost = grid.order[k], gap, cost
     return best, best_gap
 
 
-@compiled
-def _take(nodes: np.ndarray, sums: np.ndarray, piece: int, side: int, gap: float,
-          significance: float, sharpest: float, arc: np.ndarray, n: int, total: np.ndarray,
-          fits: np.ndarray, now: int) -> int:
-    """Add a piece, travelled from its given side on, to an arc; return the number of its nodes."""
-    n = _append(nodes, sums, piece, side, arc, n)
+@inlined
+def _begin(pieces: Pieces, seed: int, arc: Making, now: int) -> int:
+    """Make an arc of one piece; return the number of its nodes."""
     for k in range(3):
-        total[k] += sums[piece, k]
-    total[SIZE] += gap
-    circle.fit(arc, 0, n - 1, total[RSS], significance, sharpest, fits, now)
+        arc.total[k] = pieces.sums[seed, k]
+    for k in range(FIT_SIZE):
+        arc.fits[now, k] = pieces.fits[seed, k]
+    return _append(pieces, seed, 0, arc, 0)
+
+
+@inlined
+def _take(pieces: Pieces, piece: int, side: int, gap: float, arc: Making, n: int, now: int,
+          limits: Limits) -> int:
+    """Add a piece, travelled from its given side on, to an arc; return the number of its nodes."""
+    n = _append(pieces, piece, side, arc, n)
+    for k in range(3):
+        arc.total[k] += pieces.sums[piece, k]
+    arc.total[SIZE] += gap
+    circle.fit(arc.nodes, 0, n - 1, arc.total[RSS], limits.significance, limits.sharpest,
+               arc.fits, now)
     return n
 
 
@@ -305,11 +277,11 @@ def _tip(ends: np.ndarray, e: int, fits: np.ndarray, now: int,
 
 
 @inlined
-def _turn_round(arc: np.ndarray, n: int, members: np.ndarray, first: int, last: int) -> None:
+def _turn_round(nodes: np.ndarray, n: int, members: np.ndarray, first: int, last: int) -> None:
     """Let an arc, made of ``members`` first to last, be travelled from its other end."""
     for k in range(n // 2):
         for row in range(3):
-            arc[row, k], arc[row, n - 1 - k] = arc[row, n - 1 - k], arc[row, k]
+            nodes[row, k], nodes[row, n - 1 - k] = nodes[row, n - 1 - k], nodes[row, k]
     for k in range(first, last + 1):
         members[k, 1] = 1 - members[k, 1]
     while first < last:
@@ -320,12 +292,10 @@ def _turn_round(arc: np.ndarray, n: int, members: np.ndarray, first: int, last: 
 
 
 @compiled
-def _join(piece_fits: np.ndarray, ends: np.ndarray, nodes: np.ndarray, sums: np.ndarray,
-          seeds: np.ndarray, begins: np.ndarray, sorted_ends: np.ndarray, places: np.ndarray,
-          columns: int, rows: int, dx: np.ndarray, dy: np.ndarray, max_gap: float,
-          tolerance: float, significance: float, sharpest: float, taken: np.ndarray,
-          arc: np.ndarray, total: np.ndarray, members: np.ndarray, offsets: np.ndarray,
-          fits: np.ndarray) -> int:
+def _join(pieces: Pieces, grid: Grid, seeds: np.ndarray, taken: np.ndarray, arc: Making,
+          limits: Limits, dx: np.ndarray, dy: np.ndarray, members: np.ndarray,
+          offsets: np.ndarray) -> int:
+    """Write the pieces of each arc, and where they begin; return the number of arcs."""
     arcs = 0
     offsets[0] = 0
     for seed in seeds:
@@ -334,26 +304,19 @@ def _join(piece_fits: np.ndarray, ends: np.ndarray, nodes: np.ndarray, sums: np.
         taken[seed] = True
         first = placed = offsets[arcs]
         members[placed, 0], members[placed, 1] = seed, 0
-        n = _append(nodes, sums, seed, 0, arc, 0)
-        for k in range(3):
-            total[k] = sums[seed, k]
-        for k in range(FIT_SIZE):
-            fits[arcs, k] = piece_fits[seed, k]
+        n = _begin(pieces, seed, arc, arcs)
         for _ in range(2):
             while True:
-                tip = _tip(ends, 2 * members[placed, 0] + 1 - members[placed, 1], fits, arcs,
-                           placed == first)
-                best, gap = _partner(nodes, sums, begins, sorted_ends, places, taken, arc, n,
-                                     total, fits, arcs, tip, max_gap, tolerance,
-                                     significance, sharpest, columns, rows, dx, dy)
+                outer = 2 * members[placed, 0] + 1 - members[placed, 1]
+                tip = _tip(pieces.ends, outer, arc.fits, arcs, placed == first)
+                best, gap = _partner(pieces, grid, taken, arc, n, arcs, tip, limits, dx, dy)
                 if best < 0:
                     break
                 placed += 1
                 members[placed, 0], members[placed, 1] = best // 2, best % 2
                 taken[best // 2] = True
-                n = _take(nodes, sums, best // 2, best % 2, gap, significance, sharpest, arc, n,
-                          total, fits, arcs)
-            _turn_round(arc, n, members, first, placed)
+                n = _take(pieces, best // 2, best % 2, gap, arc, n, arcs, limits)
+            _turn_round(arc.nodes, n, members, first, placed)
         arcs += 1
         offsets[arcs] = placed + 1
     return arcs
@@ -384,15 +347,12 @@ def join(pieces: Pieces, memory: Memory, dx: np.ndarray, dy: np.ndarray, min_len
         As in :func:`extraction.extract`.
 
     """
-    m, (height, width) = len(pieces.sums), dx.shape
-    columns, rows = int(width / CELL) + 1, int(height / CELL) + 1
-    begins, filled = np.zeros((2, columns * rows + 1), np.int64)
-    sorted_ends, places = memory.sorted_ends[:2 * m], memory.places[:2 * m]
-    _index(pieces.ends, columns, rows, begins, filled, sorted_ends, places)
+    m = len(pieces.sums)
+    grid = neighbours.sort(pieces.ends, memory.order[:2 * m], memory.places[:2 * m], *dx.shape)
+    seeds = _seeds(pieces.sums[:, SIZE], SEED_SHARE * min_length)
     memory.taken[:m] = False
-    arcs = _join(pieces.fits, pieces.ends, pieces.nodes, pieces.sums,
-                 _seeds(pieces.sums[:, SIZE], SEED_SHARE * min_length), begins, sorted_ends,
-                 places, columns, rows, dx, dy, max_gap, tolerance, significance, sharpest,
-                 memory.taken, memory.arc, memory.total, memory.members, memory.offsets,
-                 memory.fits)
+    arc = Making(memory.nodes_of_arc, memory.total, memory.fits)
+    limits = Limits(max_gap, tolerance, significance, sharpest)
+    arcs = _join(pieces, grid, seeds, memory.taken, arc, limits, dx, dy, memory.members,
+                 memory.offsets)
     return Joined(memory.members, memory.offsets[:arcs + 1], memory.fits[:arcs])
