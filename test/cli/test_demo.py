@@ -163,7 +163,7 @@ def test_no_process_outlives_it(tmp_path: Path, with_signal: signal.Signals) -> 
     assert len(started) == 2
     process.send_signal(with_signal)
     _, stderr = process.communicate(timeout=TIMEOUT)
-    assert process.returncode == 130
+    assert process.returncode == 130, stderr
     assert 'Traceback' not in stderr and str(tmp_path) in stderr
     poll(lambda: not any(Path('/proc', str(number)).exists() for number in started))
 

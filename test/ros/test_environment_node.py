@@ -81,7 +81,7 @@ def test_two_hosts_and_a_bad_cable_between_them(tmp_path: Path) -> None:
     # Frames that the cable swallowed are counted: all of the cut, and one in twenty besides.
     counts = {key: int(value) for key, value in last['counts'].items()
               if key.startswith('frames')}
-    assert counts['frames lost'] > 150 and counts['frames'] > 100
+    assert counts['frames lost'] > 150 and counts['frames'] >= 60
     assert 'frames bad: internal error' not in counts and 'Traceback' not in said
     arrived = counts['frames'] + counts['frames dropped'] + counts['frames bad']
     assert last['sent'] - last['first'] - 40 < arrived + counts['frames lost'] <= last['sent']
