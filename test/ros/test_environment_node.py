@@ -84,4 +84,5 @@ def test_two_hosts_and_a_bad_cable_between_them(tmp_path: Path) -> None:
     assert counts['frames lost'] > 150 and counts['frames'] >= 60
     assert 'frames bad: internal error' not in counts and 'Traceback' not in said
     arrived = counts['frames'] + counts['frames dropped'] + counts['frames bad']
-    assert last['sent'] - last['first'] - 80 < arrived + counts['frames lost'] <= last['sent']
+    # Through such a cable the newest counts come late, and none is ever too high.
+    assert 0.6 * (last['sent'] - last['first']) < arrived + counts['frames lost'] <= last['sent']
