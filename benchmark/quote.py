@@ -1,5 +1,5 @@
 """
-What the README quotes of the report: a table between two marks, made of the report's own tables.
+What the README quotes of the report between its marks: a table made of the report's own, and more.
 
 Run as ``python3 -m benchmark.quote``; ``script/benchmark`` does it after a run of everything.
 """
@@ -16,17 +16,23 @@ BEGIN, END = '<!-- measured -->\n', '<!-- end of measured -->\n'
 FIGURES = {'F': 'F', 'F1': 'F at 1 px', 'whole': 'whole', 'curved whole': 'long lines whole',
            'fragments': 'fragments', 'rms': 'rms, px'}
 OVER_OURS = 'over ours'
+WHOLE = 'The lens', 'Overhead of the node'     # sections that are quoted as they stand
 Row = dict[str, str]
+
+
+def body(report: str, title: str) -> str:
+    """Return what stands in the section whose title begins so."""
+    found = re.search(rf'^## {title}.*?\n(.*?)(?=^## |\Z)', report, re.DOTALL | re.MULTILINE)
+    if found is None:
+        raise ValueError(f'the report has no section {title!r}')
+    return found[1].strip()
 
 
 def rows(report: str, title: str) -> list[Row]:
     """Return the rows of all tables of the section whose title begins so, by their columns."""
-    found = re.search(rf'^## {title}.*?\n(.*?)(?=^## |\Z)', report, re.DOTALL | re.MULTILINE)
-    if found is None:
-        raise ValueError(f'the report has no section {title!r}')
     result = []
-    for block in re.findall(r'(?:^\|.*\n)+', found[1], re.MULTILINE):
-        header, _, *lines = ([cell.strip() for cell in line.strip('|\n').split('|')]
+    for block in re.findall(r'(?:^\|.*\n?)+', body(report, title), re.MULTILINE):
+        header, _, *lines = ([cell.strip() for cell in line.strip('|').split('|')]
                              for line in block.splitlines())
         result += [dict(zip(header, line)) for line in lines]
     return result
@@ -55,10 +61,16 @@ def _value(cell: str) -> float:
     return float('nan') if cell == '-' else float(cell)
 
 
+def quoted(report: str) -> str:
+    """Return all that the README quotes."""
+    return '\n\n'.join([summary(report)] + [f'### {title}\n\n{body(report, title)}'
+                                            for title in WHOLE])
+
+
 def renewed(readme: str, report: str) -> str:
-    """Return the README with the table of a report between its marks."""
+    """Return the README with what it quotes of a report between its marks."""
     pattern = re.compile(f'(?<={BEGIN}).*?(?={END})', re.DOTALL)
-    text, count = pattern.subn(lambda _: summary(report) + '\n', readme)
+    text, count = pattern.subn(lambda _: quoted(report) + '\n', readme)
     if count != 1:
         raise ValueError(f'README.md lacks the marks\n{BEGIN}{END}')
     return text

@@ -20,6 +20,10 @@ TABLE = np.dtype([
     ('polarity', np.float64),       # share of points with the brighter side right, less left: >= 0
 ])
 
+# The same as columns of one float64 array in which kernels fill it, x and y one after the other.
+(START, MIDDLE, END, CURVATURE, LENGTH, RMS, SUPPORT, CURVATURE_STD, OFFSET_STD, SCORE, CONTRAST,
+ POLARITY, COLUMNS) = 0, 2, 4, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15
+
 
 @dataclass(frozen=True)
 class Arcs:

@@ -6,16 +6,14 @@ import math
 import numpy as np
 
 from qflsd_ros.core import circle
-from qflsd_ros.core.arcs import Arcs, TABLE
+from qflsd_ros.core.arcs import (
+    Arcs, COLUMNS, CONTRAST, CURVATURE, CURVATURE_STD, END, LENGTH, MIDDLE, OFFSET_STD, POLARITY,
+    RMS, SCORE, START, SUPPORT, TABLE)
 from qflsd_ros.core.compilation import compiled, inlined
 from qflsd_ros.core.joining import Joined, Pieces
 from qflsd_ros.core.separation import separate
 from qflsd_ros.core.validation import (ALIGNED, BY_CHANCE, LOOKS, score, SIGNS, STEPS, STRONG,
                                        WEIGHT)
-
-# Columns of a row: those of TABLE in its order, x and y one after the other.
-(START, MIDDLE, END, CURVATURE, LENGTH, RMS, SUPPORT, CURVATURE_STD, OFFSET_STD, SCORE, CONTRAST,
- POLARITY, COLUMNS) = 0, 2, 4, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15
 
 
 @compiled

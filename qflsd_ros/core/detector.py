@@ -69,19 +69,18 @@ class Detector:
             if mask is not None:
                 raise ValueError('mask is given: method paper has none, leave it out or use arcs')
             return paper.detect(gray, self.parameters)
-        count = self._find_chains(gray, mask)
-        pieces = self._extract(count)
+        count, grain = self._find_chains(gray, mask)
+        pieces = self._extract(count, grain)
         return self._assemble(pieces)
 
-    def _find_chains(self, gray: np.ndarray, mask: np.ndarray | None) -> int:
-        """Leave the chains of the image's edges in memory; return their number (Step 1)."""
+    def _find_chains(self, gray: np.ndarray, mask: np.ndarray | None) -> tuple[int, float]:
+        """Leave the chains in memory; return their number and the gradients' noise (Step 1)."""
         parameters, (height, width) = self.parameters, gray.shape
         if self._memory.shape != gray.shape:
             self._memory = _Memory(height, width)
         memory = self._memory
         grain = noise.estimate(gray)
         blur_sigma = noise.blur(parameters.blur_sigma, grain)
-        self._noise = noise.of_gradient(grain, blur_sigma)
         edges.gradients(gray, blur_sigma, memory.blurred, memory.dx, memory.dy)
         dx, dy = memory.dx.reshape(-1), memory.dy.reshape(-1)
         magnitude = memory.magnitude.reshape(-1)
@@ -93,16 +92,16 @@ class Detector:
                              memory.xs, memory.ys, memory.offsets)
         edges.locate(dx, dy, magnitude, width, memory.xs, memory.ys, memory.offsets[count],
                      parameters.contrast_high, memory.points)
-        return count
+        return count, noise.of_gradient(grain, blur_sigma)
 
-    def _extract(self, chain_count: int) -> joining.Pieces:
+    def _extract(self, chain_count: int, grain: float) -> joining.Pieces:
         """Find the pieces of arcs in all chains (Steps 2 to 5)."""
         memory = self._memory
         count = extraction.extract(memory.points, memory.offsets, chain_count, SHORTEST,
                                    self.parameters.tolerance, SIGNIFICANCE, self._sharpest(),
                                    memory.todo, memory.runs, memory.fits)
         return joining.describe(memory.points, memory.runs[:count], memory.fits[:count],
-                                memory.magnitude, self.parameters.contrast_high, self._noise,
+                                memory.magnitude, self.parameters.contrast_high, grain,
                                 memory.joining)
 
     def _assemble(self, pieces: joining.Pieces) -> Arcs:

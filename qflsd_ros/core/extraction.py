@@ -102,6 +102,29 @@ def _refit(points: np.ndarray, first: int, last: int, lo: int, hi: int,
     return lo, hi
 
 
+@inlined
+def _arc(points: np.ndarray, first: int, last: int, span: int, shortest: int, tolerance: float,
+         significance: float, sharpest: float, fits: np.ndarray,
+         row: int) -> tuple[int, int, int]:
+    """
+    Return the longest run within first to last that is an arc, and the span that found it.
+
+    Spans are halved from the given one on; without an arc, the run is (0, -1).
+    """
+    span = min(span, last - first + 1)
+    while span >= shortest:
+        lo, hi = _longest(points, first, last, span, tolerance, sharpest)
+        if hi - lo + 1 >= span:
+            lo, hi = _refit(points, first, last, lo, hi, tolerance, significance, sharpest, fits,
+                            row)
+            if hi - lo + 1 >= shortest:
+                return lo, hi, span
+        if span == shortest:
+            break
+        span = max(span // 2, shortest)
+    return 0, -1, span
+
+
 @compiled
 def extract(points: np.ndarray, offsets: np.ndarray, chains: int, shortest: int,
             tolerance: float, significance: float, sharpest: float,
@@ -145,23 +168,14 @@ def extract(points: np.ndarray, offsets: np.ndarray, chains: int, shortest: int,
         while waiting > 0:
             waiting -= 1
             first, last = todo[waiting, 0], todo[waiting, 1]
-            span = min(todo[waiting, 2], last - first + 1)
-            while span >= shortest:
-                lo, hi = _longest(points, first, last, span, tolerance, sharpest)
-                if hi - lo + 1 >= span:
-                    lo, hi = _refit(points, first, last, lo, hi, tolerance, significance,
-                                    sharpest, fits, found)
-                else:
-                    lo, hi = 0, -1
-                if hi - lo + 1 >= shortest:
-                    runs[found, 0], runs[found, 1] = lo, hi
-                    found += 1
-                    for a, b in ((first, lo - 1), (hi + 1, last)):
-                        if b - a + 1 >= shortest:
-                            todo[waiting, 0], todo[waiting, 1], todo[waiting, 2] = a, b, span
-                            waiting += 1
-                    break
-                if span == shortest:
-                    break
-                span = max(span // 2, shortest)
+            lo, hi, span = _arc(points, first, last, todo[waiting, 2], shortest, tolerance,
+                                significance, sharpest, fits, found)
+            if hi < lo:
+                continue
+            runs[found, 0], runs[found, 1] = lo, hi
+            found += 1
+            for a, b in ((first, lo - 1), (hi + 1, last)):
+                if b - a + 1 >= shortest:
+                    todo[waiting, 0], todo[waiting, 1], todo[waiting, 2] = a, b, span
+                    waiting += 1
     return found

@@ -11,11 +11,11 @@ import math
 
 import numpy as np
 
+from qflsd_ros.core.arcs import END, LENGTH, MIDDLE, START
 from qflsd_ros.core.compilation import compiled, inlined
 
 PARALLEL = math.sin(math.radians(10.0))
 HIDDEN = 0.6        # share of an arc beside others from which on it is left out
-LENGTH = 7          # column of a row in which its length is
 CELL = 16.0         # px, of the grid
 ENTRIES = 2         # of an arc to the grid for each length of a cell
 STEP = 4.0          # px between the places of an arc that are looked at
@@ -34,8 +34,8 @@ def _at(rows: np.ndarray, fits: np.ndarray, arc: int,
         share: float) -> tuple[float, float, float, float]:
     """Return a point of an arc, about the given share along it, and the unit normal there."""
     a, b, c = (1 - share) * (1 - 2 * share), 4 * share * (1 - share), share * (2 * share - 1)
-    x = a * rows[arc, 0] + b * rows[arc, 2] + c * rows[arc, 4]
-    y = a * rows[arc, 1] + b * rows[arc, 3] + c * rows[arc, 5]
+    x = a * rows[arc, START] + b * rows[arc, MIDDLE] + c * rows[arc, END]
+    y = a * rows[arc, START + 1] + b * rows[arc, MIDDLE + 1] + c * rows[arc, END + 1]
     p, nx, ny = _near(fits, arc, x, y)
     return x - p * nx, y - p * ny, nx, ny
 
@@ -47,8 +47,9 @@ def _beside(rows: np.ndarray, fits: np.ndarray, arc: int, x: float, y: float, nx
     p, ux, uy = _near(fits, arc, x, y)
     if abs(p) > distance or abs(nx * uy - ny * ux) > PARALLEL:
         return False
-    cx, cy = rows[arc, 4] - rows[arc, 0], rows[arc, 5] - rows[arc, 1]
-    along = (x - rows[arc, 0]) * cx + (y - rows[arc, 1]) * cy
+    x0, y0 = rows[arc, START], rows[arc, START + 1]
+    cx, cy = rows[arc, END] - x0, rows[arc, END + 1] - y0
+    along = (x - x0) * cx + (y - y0) * cy
     return 0 <= along <= cx * cx + cy * cy
 
 

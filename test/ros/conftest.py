@@ -22,6 +22,7 @@ from rclpy.node import Node
 
 ROOT = Path(__file__).parents[2]
 TIMEOUT = 60.0  # s; generous: the machine may be busy, and kernels may have to be compiled
+SETTLED = 60.0  # s from which on a lock that nobody holds is a dead process's
 # Wheels in a virtual environment have no setup file that would set this.
 os.environ.setdefault('AMENT_PREFIX_PATH', sys.prefix)
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
@@ -109,6 +110,8 @@ def swept_memory() -> Iterator[None]:
     for lock in Path('/dev/shm').glob('fastrtps_*_el'):
         if re.fullmatch('fastrtps_[0-9a-f]{16}_el', lock.name):
             with suppress(OSError), lock.open() as file:
+                if time.time() - lock.stat().st_mtime < SETTLED:
+                    continue  # its owner may be about to lock it
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)  # fails while the owner lives
                 lock.with_name(lock.name.removesuffix('_el')).unlink(missing_ok=True)
                 lock.unlink()

@@ -205,6 +205,8 @@ def test_a_misspelt_parameter_is_told_with_the_right_name(peer: Peer) -> None:
     ('tolerance:=wide', ["tolerance is 'wide'", 'float']),
     ('image_transport:=theora', ['image_transport', 'raw, compressed']),
     ('use_sim_time:=7', ['use_sim_time', 'BOOL']),
+    ('mask:=nowhere.png', ['mask', 'nowhere.png', 'No such file']),
+    ('mask:=setup.py', ['mask', 'setup.py', 'no image that can be read']),
     ('qos_overrides./image.subscription.reliability:=maybe', ['reliability', 'maybe']),
     ('qos_overrides./detector/segments.publisher.depth:=deep', ['depth', 'INTEGER']),
 ])

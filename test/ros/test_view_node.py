@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING
 import cv2
 from diagnostic_msgs.msg import DiagnosticStatus
 import numpy as np
-import pytest
 from qflsd_ros.core import Detector
 from qflsd_ros.ros import outputs
-from rig import EXPECTED, image, NODE, Rig, same, SCENE
+from rig import EXPECTED, image, Rig, same, SCENE
 
 if TYPE_CHECKING:
     from conftest import Peer
@@ -81,17 +80,6 @@ def test_a_region_can_be_moved_while_it_runs(peer: Peer) -> None:
     assert rig.report('region outside').level == DiagnosticStatus.WARN
     rig.change(roi_x=0, roi_width=0)
     assert same(rig.detect(image(SCENE)), EXPECTED)
-
-
-@pytest.mark.parametrize('parameter, texts', [
-    ('mask:=nowhere.png', ['mask', 'nowhere.png', 'No such file']),
-    ('mask:=setup.py', ['mask', 'setup.py', 'no image that can be read'])])
-def test_a_mask_that_cannot_be_read_ends_the_start(peer: Peer, parameter: str,
-                                                   texts: list[str]) -> None:
-    process = peer.run(*NODE, '-p', parameter)
-    assert process.wait() == 2
-    line, = process.output.splitlines()
-    assert line.startswith('detector: ') and all(text in line for text in texts), line
 
 
 def test_a_smaller_image_gives_results_of_the_full_one(peer: Peer) -> None:
