@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import multiprocessing
 import os
 from pathlib import Path
-import signal
 import sys
 import time
 from typing import Iterable, Iterator
@@ -16,6 +15,7 @@ import cv2
 from qflsd_ros import rows
 from qflsd_ros.cli import inputs, recordings, results, settings
 from qflsd_ros.cli.inputs import Picture
+from qflsd_ros.cli.interruption import deferred
 from qflsd_ros.cli.recordings import Cloud, Recordings
 from qflsd_ros.cli.settings import SettingsError
 from qflsd_ros.core import (
@@ -80,7 +80,6 @@ _work: Work | None = None  # of a worker process
 
 def _start_worker(parameters: Parameters, folder: Path) -> None:
     global _work
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the main process ends the workers
     cv2.setNumThreads(1)
     _work = Work(parameters, folder)
 
@@ -97,10 +96,12 @@ def outcomes(pictures: Iterable[Picture], parameters: Parameters, folder: Path,
     if jobs == 1:
         yield from map(work, pictures)
         return
-    with ProcessPoolExecutor(jobs, multiprocessing.get_context('spawn'),
-                             _start_worker, (parameters, folder)) as pool:
+    # In this order: the pool starts a process of multiprocessing's own, which unblocks SIGINT.
+    with ProcessPoolExecutor(jobs, multiprocessing.get_context('spawn'), _start_worker,
+                             (parameters, folder)) as pool, deferred() as check:
         running: set[Future[Outcome]] = set()
         for picture in pictures:
+            check()
             running.add(pool.submit(_run_worker, picture))
             if len(running) == 2 * jobs:  # frames of a video must not pile up
                 done, running = wait(running, return_when=FIRST_COMPLETED)
