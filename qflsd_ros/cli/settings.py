@@ -9,7 +9,7 @@ from typing import Any
 
 from qflsd_ros.core import Parameters
 from qflsd_ros.ros.node_parameters import NodeParameters
-import yaml
+from qflsd_ros.ros.parameter_file import Loader
 
 FIELDS = {field.name: field for field in dataclasses.fields(Parameters)}
 # A parameter file of the node is welcome: what it says of the node alone is left aside.
@@ -70,7 +70,7 @@ def _from_file(path: Path) -> dict[str, Any]:
 def _sections(path: Path) -> list[dict[str, Any]]:
     """Return what a ROS parameter file says of the detector, section by section."""
     try:
-        nodes = yaml.safe_load(path.read_text(encoding='utf-8'))
+        nodes = Loader(path.read_text(encoding='utf-8')).get_single_data()
     except Exception as error:  # A tag on what it does not fit raises anything: !!bool 3.
         what = ' '.join(str(error).split()) or type(error).__name__
         raise SettingsError(f'{path}: cannot be read: {what}') from error

@@ -5,6 +5,7 @@ from pathlib import Path
 import re
 from typing import Iterator, Sequence
 
+from qflsd_ros.ros.parameter_file import Loader
 import yaml
 
 SECTION = 'ros__parameters.'
@@ -26,7 +27,7 @@ def origin(text: str, arguments: Sequence[str]) -> str:
 def _lines(file: str) -> Iterator[tuple[str, int]]:
     """Yield every parameter of a file with its line, from 1."""
     try:
-        root = yaml.compose(Path(file).read_text(encoding='utf-8'))
+        root = yaml.compose(Path(file).read_text(encoding='utf-8'), Loader)
     except (OSError, ValueError, RecursionError, yaml.YAMLError):
         return  # rcl has said what is wrong with it
     for path, line in _keys(root):

@@ -1,7 +1,8 @@
 """
 Encoded images, as files, messages and recordings hold them, as arrays.
 
-What an image claims of its size is looked at before it is decoded: few bytes can claim gigabytes.
+What an image claims of its size is looked at before it is decoded: few bytes can claim gigabytes,
+or keep a decoder busy for hours.
 """
 from __future__ import annotations
 
@@ -13,6 +14,7 @@ from qflsd_ros.sources.frames import FrameError
 
 MAX_SIDE = 32768        # px
 MAX_PIXELS = 1 << 27    # 134 megapixels
+MAX_VISITS = 1 << 32    # of pixels by the decoder: 32 scans of the largest JPEG
 
 
 class DecodingError(FrameError):
@@ -40,10 +42,14 @@ def decode(data: bytes, flags: int, what: str) -> np.ndarray:
     Raises
     ------
     DecodingError
-        It is damaged or of another format, or claims to be too large.
+        It is damaged or of another format, claims to be too large, or has too many scans.
 
     """
-    _check_size(headers.size(data), what)
+    width, height = _checked_size(headers.size(data), what)
+    passes = headers.passes(data)
+    if passes * width * height > MAX_VISITS:
+        raise DecodingError('too many scans', f'{what}: has {passes} scans of {width} x {height} '
+                            f'pixels: must have at most {MAX_VISITS // (width * height)}')
     try:
         image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
     except cv2.error:
@@ -53,7 +59,7 @@ def decode(data: bytes, flags: int, what: str) -> np.ndarray:
     return image
 
 
-def _check_size(claimed: headers.Size | None, what: str) -> None:
+def _checked_size(claimed: headers.Size | None, what: str) -> headers.Size:
     if claimed is None:
         raise _unreadable(what)
     width, height = claimed
@@ -61,6 +67,7 @@ def _check_size(claimed: headers.Size | None, what: str) -> None:
         raise DecodingError(
             'wrong size', f'{what}: has {width} x {height} pixels: both must lie in 1 to '
             f'{MAX_SIDE}, and at most {MAX_PIXELS} pixels in all')
+    return claimed
 
 
 def _unreadable(what: str) -> DecodingError:

@@ -1,4 +1,9 @@
-"""What encoded images claim of their size, read from their first bytes alone."""
+"""
+What encoded images claim of their size, read from their first bytes alone.
+
+A decoder must not find another size than is read here, or few bytes could still claim gigabytes:
+what one reader may take so and another one so is not read at all.
+"""
 from __future__ import annotations
 
 import re
@@ -6,10 +11,13 @@ import struct
 from typing import Callable
 
 JPEG_START, PNG_START = b'\xff\xd8', b'\x89PNG\r\n\x1a\n'
+JPEG_SCAN = b'\xff\xda'
 # Start-of-frame markers of a JPEG; C4, C8 and CC between them mean something else.
 JPEG_FRAMES = frozenset(range(0xc0, 0xd0)) - {0xc4, 0xc8, 0xcc}
 JPEG_ALONE = frozenset({0x01, *range(0xd0, 0xd9)})  # markers of segments without a length
-PNM = re.compile(rb'P[1-6](?:\s|#[^\n]*\n)+(\d{1,9})(?:\s|#[^\n]*\n)+(\d{1,9})')
+JPEG_FIRST = 0xc0   # of the markers that have a meaning, but for TEM
+# Some readers take a number's sign for a comment along with the number.
+PNM = re.compile(rb'P[1-6]%b+(\d{1,9})\s%b*(\d{1,9})\s' % (2 * (rb'(?:\s|#[^\r\n]*[\r\n])',)))
 TIFF_WIDTH, TIFF_HEIGHT = 256, 257  # tags
 TIFF_FORMATS = {3: 'H', 4: 'I'}  # types of their values
 
@@ -34,8 +42,22 @@ def size(data: bytes) -> Size | None:
     return None
 
 
-def _png(data: bytes) -> Size:
-    return struct.unpack_from('>II', data, 16)
+def passes(data: bytes) -> int:
+    """
+    Return how often a decoder goes over all pixels of an image at most.
+
+    Progressive JPEGs are sent in scans, and a scan of all pixels can be a few bytes.
+    """
+    return data.count(JPEG_SCAN) if data.startswith(JPEG_START) else 1
+
+
+def _png(data: bytes) -> Size | None:
+    # OpenCV 5 makes room for as much as a chunk claims to hold, up to 4 GB.
+    at, kind = len(PNG_START), b''
+    while kind != b'IEND':
+        length, kind = struct.unpack_from('>I4s', data, at)
+        at += length + 12
+    return struct.unpack_from('>II', data, 16) if at <= len(data) else None
 
 
 def _jpeg(data: bytes) -> Size | None:
@@ -49,6 +71,8 @@ def _jpeg(data: bytes) -> Size | None:
             at += 1  # a byte of filling
         elif marker in JPEG_ALONE:
             at += 2
+        elif marker < JPEG_FIRST:
+            return None
         else:
             at += 2 + struct.unpack_from('>H', data, at + 2)[0]
     return None
@@ -71,8 +95,10 @@ def _tiff(data: bytes) -> Size | None:
     count, = struct.unpack_from(f'{order}H', data, at)
     values = {}
     for entry in range(at + 2, at + 2 + 12 * count, 12):
-        tag, kind = struct.unpack_from(f'{order}HH', data, entry)
-        if tag in (TIFF_WIDTH, TIFF_HEIGHT) and kind in TIFF_FORMATS:
+        tag, kind, numbers = struct.unpack_from(f'{order}HHI', data, entry)
+        if tag in (TIFF_WIDTH, TIFF_HEIGHT):
+            if tag in values or kind not in TIFF_FORMATS or numbers != 1:
+                return None
             values[tag], = struct.unpack_from(order + TIFF_FORMATS[kind], data, entry + 8)
     return (values[TIFF_WIDTH], values[TIFF_HEIGHT]) if len(values) == 2 else None
 

@@ -211,3 +211,13 @@ def test_a_parameter_file_that_means_no_good(tmp_path: Path, text: str) -> None:
     with pytest.raises(settings.SettingsError) as caught:
         settings.read(parser().parse_args(['a.png', '--params', str(path)]))
     assert '\n' not in str(caught.value)
+
+
+@pytest.mark.parametrize('text', [
+    '{ros__parameters: &a {tolerance: *a}}', '{ros__parameters: {tolerance: [&a [1], *a, *a]}}',
+    '{ros__parameters: {<<: [&a {tolerance: 1}, *a, *a]}}'])
+def test_aliases_that_could_stand_for_gigabytes(tmp_path: Path, text: str) -> None:
+    path = tmp_path / 'p.yaml'
+    path.write_text(f'# a bomb\n/**: {text}')
+    with pytest.raises(settings.SettingsError, match=r'p.yaml: .*line 2: alias \*a: .* none'):
+        settings.read(parser().parse_args(['a.png', '--params', str(path)]))

@@ -40,7 +40,8 @@ def test_every_file_is_looked_at(tmp_path: Path) -> None:
         f' ({tmp_path}/a, line 6; {tmp_path}/b, line 6)'
 
 
-@pytest.mark.parametrize('content', [b'', b'- 1', b'[', b'\xff\xfe\x00', b'{1: {2: 3}}', b'"'])
+@pytest.mark.parametrize('content', [b'', b'- 1', b'[', b'\xff\xfe\x00', b'{1: {2: 3}}', b'"',
+                                     b'/**: {ros__parameters: &a {tolerance: 1, b: *a}}'])
 def test_what_is_no_parameter_file_says_nothing(tmp_path: Path, content: bytes) -> None:
     (tmp_path / 'p').write_bytes(content)
     assert origin('tolerance', ['--params-file', str(tmp_path / 'p')]) == ''
