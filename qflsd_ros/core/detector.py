@@ -5,7 +5,8 @@ import math
 
 import numpy as np
 
-from qflsd_ros.core import assembly, chains, edges, extraction, joining, noise, paper
+from qflsd_ros.core import (
+    assembly, chains, contrast, edges, extraction, joining, noise, paper)
 from qflsd_ros.core.arcs import Arcs
 from qflsd_ros.core.circle import FIT_SIZE
 from qflsd_ros.core.parameters import Parameters
@@ -69,40 +70,47 @@ class Detector:
             if mask is not None:
                 raise ValueError('mask is given: method paper has none, leave it out or use arcs')
             return paper.detect(gray, self.parameters)
-        count, grain = self._find_chains(gray, mask)
-        pieces = self._extract(count, grain)
+        blur_sigma, grain, low, high = self._look(gray)
+        count = self._find_chains(gray, mask, blur_sigma, low, high)
+        pieces = self._extract(count, grain, high)
         return self._assemble(pieces)
 
-    def _find_chains(self, gray: np.ndarray, mask: np.ndarray | None) -> tuple[int, float]:
-        """Leave the chains in memory; return their number and the gradients' noise (Step 1)."""
-        parameters, (height, width) = self.parameters, gray.shape
-        if self._memory.shape != gray.shape:
-            self._memory = _Memory(height, width)
-        memory = self._memory
-        grain = noise.estimate(gray)
+    def _look(self, gray: np.ndarray) -> tuple[float, float, float, float]:
+        """Return the blur that an image needs, its gradient's noise, and low and high contrast."""
+        parameters, grain = self.parameters, noise.estimate(gray)
         blur_sigma = noise.blur(parameters.blur_sigma, grain)
+        grain = noise.of_gradient(grain, blur_sigma)
+        scale = contrast.scale(contrast.estimate(gray), grain, parameters.contrast_high)
+        return (blur_sigma, grain, scale * parameters.contrast_low,
+                scale * parameters.contrast_high)
+
+    def _find_chains(self, gray: np.ndarray, mask: np.ndarray | None, blur_sigma: float,
+                     low: float, high: float) -> int:
+        """Leave the chains in memory; return their number (Step 1)."""
+        if self._memory.shape != gray.shape:
+            self._memory = _Memory(*gray.shape)
+        memory = self._memory
         edges.gradients(gray, blur_sigma, memory.blurred, memory.dx, memory.dy)
         dx, dy = memory.dx.reshape(-1), memory.dy.reshape(-1)
         magnitude = memory.magnitude.reshape(-1)
-        memory.reserve(edges.find(memory.dx, memory.dy, parameters.contrast_low,
-                                  parameters.contrast_high, memory.magnitude, memory.edges))
+        memory.reserve(edges.find(memory.dx, memory.dy, low, high, memory.magnitude,
+                                  memory.edges))
         if mask is not None:
             edges.remove(memory.dx, memory.edges, memory.blocked(mask))
         count = chains.trace(dx, dy, memory.flat, memory.words, memory.steps, SHORTEST,
                              memory.xs, memory.ys, memory.offsets)
-        edges.locate(dx, dy, magnitude, width, memory.xs, memory.ys, memory.offsets[count],
-                     parameters.contrast_high, memory.points)
-        return count, noise.of_gradient(grain, blur_sigma)
+        edges.locate(dx, dy, magnitude, gray.shape[1], memory.xs, memory.ys,
+                     memory.offsets[count], high, memory.points)
+        return count
 
-    def _extract(self, chain_count: int, grain: float) -> joining.Pieces:
+    def _extract(self, chain_count: int, grain: float, clear: float) -> joining.Pieces:
         """Find the pieces of arcs in all chains (Steps 2 to 5)."""
         memory = self._memory
         count = extraction.extract(memory.points, memory.offsets, chain_count, SHORTEST,
                                    self.parameters.tolerance, SIGNIFICANCE, self._sharpest(),
                                    memory.todo, memory.runs, memory.fits)
         return joining.describe(memory.points, memory.runs[:count], memory.fits[:count],
-                                memory.magnitude, self.parameters.contrast_high, grain,
-                                memory.joining)
+                                memory.magnitude, clear, grain, memory.joining)
 
     def _assemble(self, pieces: joining.Pieces) -> Arcs:
         """Join the pieces and describe the arcs (Step 6)."""

@@ -18,7 +18,7 @@ from qflsd_ros.core.compilation import compiled
 BLOCK = 8               # px, side of a block
 ROWS, COLUMNS = 12, 16  # of blocks
 FLATTEST = 0.1          # share of the blocks that are believed to show noise alone
-BLUR = 0.1              # px for each grey level of noise
+BLUR = 0.08             # px for each grey level of noise
 MOST_BLUR = 2.0         # px; more noise than that blur is for is texture all over the image
 GAIN = math.sqrt(math.pi / 2) / 6       # standard deviation of white noise over mean response
 

@@ -89,10 +89,11 @@ class Parameters:
         0.6, 'Least standard deviation of the blur before the gradients; noise adds to it.',
         'px', 0.0, 5.0)
     contrast_high: float = parameter(
-        10.0, 'Step across an edge from which on it starts a contour.', 'grey levels', 1.0, 255.0)
+        10.0, 'Step across an edge from which on it starts a contour; less in an image of low '
+        'contrast, more in a noisy one.', 'grey levels', 1.0, 255.0)
     contrast_low: float = parameter(
-        3.5, 'Step across an edge down to which a contour that has started goes on.',
-        'grey levels', 0.5, 255.0)
+        3.5, 'Step across an edge down to which a contour that has started goes on; in proportion '
+        'to contrast_high.', 'grey levels', 0.5, 255.0)
     tolerance: float = parameter(
         0.7, 'Largest distance of an edge pixel from the arc that it belongs to.',
         'px', 0.1, 10.0)

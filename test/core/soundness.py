@@ -3,7 +3,7 @@ from __future__ import annotations
 
 from finding import project, samples
 import numpy as np
-from qflsd_ros.core import Arcs, edges, noise, Parameters
+from qflsd_ros.core import Arcs, contrast, edges, noise, Parameters
 
 ACROSS = 0.5        # least cosine of the angle between a gradient and what counts as across
 EPSILON = 1e-3      # grey levels, of rounding
@@ -36,14 +36,17 @@ def assert_sound(arcs: Arcs, gray: np.ndarray, parameters: Parameters = Paramete
 
 def assert_edge_pixels(pixels: np.ndarray, gray: np.ndarray, parameters: Parameters) -> None:
     """Assert that each pixel's step is the largest across the edge, and high enough."""
-    sigma = noise.blur(parameters.blur_sigma, noise.estimate(gray))
+    grain = noise.estimate(gray)
+    sigma = noise.blur(parameters.blur_sigma, grain)
+    low = parameters.contrast_low * contrast.scale(
+        contrast.estimate(gray), noise.of_gradient(grain, sigma), parameters.contrast_high)
     dx, dy = (np.empty(gray.shape, np.int16) for _ in range(2))
     edges.gradients(gray, sigma, np.empty_like(gray), dx, dy)
     dx, dy = dx / edges.SOBEL_GAIN, dy / edges.SOBEL_GAIN
     magnitude = np.pad(np.hypot(dx, dy), 1)
     x, y = pixels.T
     here = magnitude[y + 1, x + 1]
-    assert (here >= parameters.contrast_low - EPSILON).all()
+    assert (here >= low - EPSILON).all()
     largest = np.zeros(len(pixels), bool)
     for u, v in ((1, 0), (1, 1), (0, 1), (-1, 1)):
         beside = np.maximum(magnitude[y + 1 + v, x + 1 + u], magnitude[y + 1 - v, x + 1 - u])
