@@ -76,7 +76,7 @@ FIT_SIZE = len(FIT)
 NOISE_FLOOR = 0.05      # px, the least standard deviation that a point is believed to have
 # Edge points in a row are located from pixels that they share, and blurred together: their errors
 # agree over about this many, of which each but one tells nothing new (measured on rendered edges).
-CORRELATED = 4.0
+CORRELATED = 3.0
 
 
 # Sums of z^2, z t, z, t^2, t, 1, z v, t v, v and v^2 over points (t, v), where z = t^2 + v^2.

@@ -12,7 +12,7 @@ from qflsd_ros.core.circle import FIT_SIZE
 from qflsd_ros.core.parameters import Parameters
 
 SHORTEST = 8                # edge points of the shortest piece that may become part of an arc
-SIGNIFICANCE = 2.0          # standard deviations from which on an arc is not straight
+SIGNIFICANCE = 2.3          # standard deviations from which on an arc is not straight
 SMALLEST_IMAGE = 3          # px, of a side; there are no edges in less
 
 

@@ -22,12 +22,20 @@ MASK_MARGIN = 2                 # px around what is masked in which there are no
 
 def gradients(gray: np.ndarray, blur_sigma: float, blurred: np.ndarray,
               dx: np.ndarray, dy: np.ndarray) -> None:
-    """Write the Sobel gradients of a blurred (H, W) uint8 image to (H, W) int16 dx and dy."""
+    """
+    Write the Sobel gradients of a blurred (H, W) uint8 image to (H, W) int16 dx and dy.
+
+    Beyond its border the image is continued as steep as it ends there.  Continued by its last
+    pixel it would have half the gradient across the border, so that edges that run out of the
+    image would seem to turn and follow it.
+    """
     if blur_sigma > 0:
         side = 2 * max(1, math.ceil(1.6 * blur_sigma)) + 1
         gray = cv2.GaussianBlur(gray, (side, side), blur_sigma, blurred,
                                 borderType=cv2.BORDER_REPLICATE)
     cv2.spatialGradient(gray, dx, dy, ksize=3, borderType=cv2.BORDER_REPLICATE)
+    for outermost in (dx[:, 0], dx[:, -1], dy[0], dy[-1]):
+        np.multiply(outermost, 2, outermost)
 
 
 @inlined

@@ -40,7 +40,7 @@ from qflsd_ros.core.distortion import DivisionModel
 LOWEST, HIGHEST = -8.0, 0.6     # lambda: a fisheye beyond 180 degrees, a strong pincushion
 LEAST_ARCS = 5          # that must agree
 LEAST_SHARE = 0.3       # that must agree, of the arcs that say anything
-MAX_STD = 0.0125        # of lambda, from which on it is not observable
+MAX_STD = 0.0115        # of lambda, from which on it is not observable
 OUTLIERS = 0.1          # share of arcs that are no pictures of straight edges
 OUTLIER_DENSITY = OUTLIERS / (2 * 10 / 3)       # their curvatures: up to 10 / 3 either way
 STUDENT = (1 - OUTLIERS) * 2 / (math.pi * math.sqrt(3))     # density of t for 3 degrees, at 0
@@ -52,7 +52,7 @@ COARSE_ERROR = 0.03     # the same while candidates are compared, from each to t
 TELLING = 1.0           # standard deviation of lambda from which on one arc says nothing
 RIM = 0.05              # distance of a circle from the centre, up to which it is a fisheye's rim
 # Where arcs scatter more than by their own noise, so many err together (measured on photographs).
-COMMON = 8.0
+COMMON = 6.0
 CENTRE_SPREAD = 0.05    # standard deviation of the centre about the image's, before arcs are seen
 ITERATIONS = 30
 SMALL = 0.02            # step after which no other follows, in standard deviations

@@ -8,7 +8,7 @@ from qflsd_ros.core import Arcs, DivisionModel
 from qflsd_ros.core.arcs import TABLE
 
 STEP = 1.0          # px between edge points
-CORRELATED = 4      # neighbouring edge points that err together
+CORRELATED = 3      # neighbouring edge points that err together
 
 
 def edge(lens: DivisionModel, start: np.ndarray, end: np.ndarray) -> np.ndarray:

@@ -62,6 +62,21 @@ def test_position_is_not_biased():
     assert np.std(means) < 0.01
 
 
+@pytest.mark.parametrize('blur', [0.0, 0.8])
+@pytest.mark.parametrize('turned', [np.asarray, np.rot90])
+def test_an_edge_that_runs_out_of_the_image_stays_straight(turned, blur):
+    worst = []
+    for angle in np.radians([5, 10, 20, 40, -5, -10, -20, -40]):
+        x, y = 34.5, (2.0 if angle > 0 else 57.0)
+        size = SHAPE[0] + 20, SHAPE[1] + 20
+        larger = render(size, half_plane(x + 10, y + 10, angle), blur=blur)
+        points = find(np.ascontiguousarray(turned(larger[10:-10, 10:-10])))[2]
+        if turned is np.rot90:
+            points = np.c_[SHAPE[1] - 1 - points[:, 1], points[:, 0]]
+        worst.append(np.abs(off_line(points, x, y, angle)).max())
+    assert max(worst) < 0.5, worst
+
+
 @given(st.floats(16, 23), st.floats(-0.5, 0.5), st.floats(-0.5, 0.5))
 def test_position_of_a_circle(radius, x, y):
     circle = MIDDLE[0] + x, MIDDLE[1] + y, radius
