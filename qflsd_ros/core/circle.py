@@ -24,11 +24,25 @@ from qflsd_ros.core.compilation import compiled, inlined, summed
 
 Circle = tuple[float, float, float, float]
 
+# How a lens bends the pictures of straight edges: lambda in 1 / px^2, and its centre x and y, px.
+Lens = tuple[float, float, float]
+NO_LENS = 0.0, 0.0, 0.0
+
 
 @inlined
 def value(circle: Circle, x: float, y: float) -> float:
     """Return P(x, y): the signed distance, up to a relative error of A P."""
     return circle[0] * (x * x + y * y) + circle[1] * x + circle[2] * y + circle[3]
+
+
+@inlined
+def at_centre(lam: float, x: float, y: float, b: float, c: float, d: float) -> float:
+    """
+    Return P at the centre (x, y) of a lens, of the picture of a straight edge.
+
+    It is given by its B, C and D; its A is lambda times what is returned (paper, equation (4)).
+    """
+    return (b * x + c * y + d) / (1 - lam * (x * x + y * y))
 
 
 @inlined
@@ -130,29 +144,32 @@ def _circle(moments: Moments, residual: float) -> Solution:
 
 
 @inlined
-def _line(moments: Moments, residual: float, var_a: float) -> Solution:
-    """Return the least squares of B t + D + v; its variances are nan where there is none."""
-    _, _, _, stt, st, sw, _, stv, sv, svv = moments
+def _bent(moments: Moments, residual: float, a: float, var_a: float) -> Solution:
+    """Return the least squares with a given A; its variances are nan where there is none."""
+    szz, szt, sz, stt, st, sw, szv, stv, sv, svv = moments
     det = stt * sw - st * st
     if not det > 0.0:
         return 0.0, 0.0, 0.0, 0.0, np.nan, np.nan
+    # Of a z + v instead of v.
+    stv, sv, svv = stv + a * szt, sv + a * sz, svv + a * (2 * szv + a * szz)
     b = -(sw * stv - st * sv) / det
     d = -(stt * sv - st * stv) / det
     rss = residual + max(0.0, svv + b * stv + d * sv)
     variance = CORRELATED * max(rss / max(sw - 2.0, 1.0), NOISE_FLOOR ** 2)
-    return 0.0, b, d, rss, var_a, variance * stt / det
+    return a, b, d, rss, var_a, variance * stt / det
 
 
 @compiled
 def fit(points: np.ndarray, first: int, last: int, residual: float, significance: float,
-        sharpest: float, fits: np.ndarray, row: int) -> bool:
+        sharpest: float, lens: Lens, fits: np.ndarray, row: int) -> bool:
     """
     Fit the generalised circle to points ``first`` to ``last`` by least squares.
 
     In a frame with its origin at the middle point and its x axis along the chord, C is close to 1
     all along the arc, so that minimising sum w (A (x^2 + y^2) + B x + D + y)^2 minimises the
-    distances, without the bias of equation (8).  A line (A = 0) is fitted instead where A is not
-    larger than ``significance`` standard deviations, or the curvature is above ``sharpest``, 1/px.
+    distances, without the bias of equation (8).  The picture of a straight edge (A = 0 without a
+    lens) is fitted instead where A does not differ from that by more than ``significance``
+    standard deviations, or the curvature is above ``sharpest``, 1/px.
 
     Parameters
     ----------
@@ -162,7 +179,7 @@ def fit(points: np.ndarray, first: int, last: int, residual: float, significance
         Which of them to fit, both included.
     residual
         Residual sum of squares of those edge points about the given ones, px^2, to be added.
-    significance, sharpest
+    significance, sharpest, lens
         See above.
     fits, row
         (R, FIT_SIZE) float64, of which the row takes origin, A to D (in the image's axes, relative
@@ -182,9 +199,11 @@ def fit(points: np.ndarray, first: int, last: int, residual: float, significance
     ux, uy = ux / size, uy / size
     moments = _moments(points, first, last, ox, oy, ux, uy)
     a, b, d, rss, var_a, var_d = _circle(moments, residual)
-    if not (a * a > significance ** 2 * var_a and 2 * abs(a) <= sharpest):
+    cx, cy = lens[1] - ox, lens[2] - oy
+    usual = lens[0] * at_centre(lens[0], cx * ux + cy * uy, cy * ux - cx * uy, b, 1.0, d)
+    if not ((a - usual) ** 2 > significance ** 2 * var_a and 2 * abs(a) <= sharpest):
         var_a = var_a if var_a >= 0 else 0.0
-        a, b, d, rss, var_a, var_d = _line(moments, residual, var_a)
+        a, b, d, rss, var_a, var_d = _bent(moments, residual, usual, var_a)
         if not var_d >= 0:
             return False
     norm = math.sqrt(max(b * b + 1.0 - 4.0 * a * d, 1e-12))

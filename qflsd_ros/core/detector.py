@@ -9,6 +9,7 @@ from qflsd_ros.core import (
     assembly, chains, contrast, edges, extraction, joining, noise, paper)
 from qflsd_ros.core.arcs import Arcs
 from qflsd_ros.core.circle import FIT_SIZE
+from qflsd_ros.core.distortion import DivisionModel
 from qflsd_ros.core.parameters import Parameters
 
 SHORTEST = 8                # edge points of the shortest piece that may become part of an arc
@@ -36,7 +37,8 @@ class Detector:
         gray[16:48, 16:48] = 255
         Detector().detect(gray)
 
-    def detect(self, gray: np.ndarray, mask: np.ndarray | None = None) -> Arcs:
+    def detect(self, gray: np.ndarray, mask: np.ndarray | None = None,
+               lens: DivisionModel | None = None) -> Arcs:
         """
         Find the arcs of one image.
 
@@ -48,6 +50,10 @@ class Detector:
             (H, W) uint8 or bool, not zero where arcs may be: none begins, ends or passes outside,
             so that the rim of the mask is not taken for an edge.  Keep the array between frames:
             it is looked at when another one comes.
+        lens
+            Through which the image was taken, if that is known, for instance by the arcs of the
+            frame before: pieces are joined over longer gaps and to their own kind, and short arcs
+            are bent as it says.  Method paper makes no use of it.
 
         Returns
         -------
@@ -58,11 +64,11 @@ class Detector:
         TypeError
             ``gray`` is not an array of uint8.
         ValueError
-            ``gray`` has not two dimensions, or no pixel; ``mask`` has not its shape, or is given
-            with method paper, which knows none.
+            ``gray`` has not two dimensions, or no pixel; ``mask`` or ``lens`` has not its shape;
+            ``mask`` is given with method paper, which knows none.
 
         """
-        _check(gray, mask)
+        _check(gray, mask, lens)
         if min(gray.shape) < SMALLEST_IMAGE:
             return Arcs.empty()
         gray = np.ascontiguousarray(gray)
@@ -73,7 +79,7 @@ class Detector:
         blur_sigma, grain, low, high = self._look(gray)
         count = self._find_chains(gray, mask, blur_sigma, low, high)
         pieces = self._extract(count, grain, high)
-        return self._assemble(pieces)
+        return self._assemble(pieces, lens)
 
     def _look(self, gray: np.ndarray) -> tuple[float, float, float, float]:
         """Return the blur that an image needs, its gradient's noise, and low and high contrast."""
@@ -112,12 +118,12 @@ class Detector:
         return joining.describe(memory.points, memory.runs[:count], memory.fits[:count],
                                 memory.magnitude, clear, grain, memory.joining)
 
-    def _assemble(self, pieces: joining.Pieces) -> Arcs:
+    def _assemble(self, pieces: joining.Pieces, lens: DivisionModel | None) -> Arcs:
         """Join the pieces and describe the arcs (Step 6)."""
         memory, parameters = self._memory, self.parameters
         joined = joining.join(pieces, memory.joining, memory.dx, memory.dy, parameters.min_length,
                               parameters.max_gap, parameters.tolerance, SIGNIFICANCE,
-                              self._sharpest())
+                              self._sharpest(), lens)
         return assembly.assemble(pieces, joined, memory.shape, memory.xs, memory.ys,
                                  memory.points, parameters.min_length, parameters.min_score,
                                  parameters.min_distance)
@@ -132,7 +138,7 @@ class Detector:
         return 1 / (self.parameters.min_radius * math.hypot(*self._memory.shape) / 2)
 
 
-def _check(gray: np.ndarray, mask: np.ndarray | None) -> None:
+def _check(gray: np.ndarray, mask: np.ndarray | None, lens: DivisionModel | None) -> None:
     if not isinstance(gray, np.ndarray) or gray.dtype != np.uint8:
         came = f'{gray.dtype} array' if isinstance(gray, np.ndarray) else type(gray).__name__
         raise TypeError(f'image is a {came}: must be a uint8 array of shape (height, width)')
@@ -141,6 +147,9 @@ def _check(gray: np.ndarray, mask: np.ndarray | None) -> None:
                          'convert colour to grey first')
     if mask is not None and mask.shape != gray.shape:
         raise ValueError(f'mask has shape {mask.shape}: must be {gray.shape}, as the image')
+    if lens is not None and tuple(lens.shape) != gray.shape:
+        raise ValueError(f'lens is for images of shape {lens.shape}: must be {gray.shape}, as the '
+                         'image')
 
 
 class _Memory:

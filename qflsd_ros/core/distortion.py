@@ -43,6 +43,12 @@ class DivisionModel:
         return np.array(self.centre if self.centre is not None
                         else ((width - 1) / 2, (height - 1) / 2), float)
 
+    @property
+    def in_pixels(self) -> tuple[float, float, float]:
+        """Lambda in 1 / px^2, and the centre of distortion x, y in px."""
+        x, y = self.origin.tolist()
+        return self.lam / self.half_diagonal ** 2, x, y
+
     def undistort(self, points: np.ndarray) -> np.ndarray:
         """
         Map image points to where a lens without distortion shows them; (..., 2) px.

@@ -33,7 +33,7 @@ import math
 import numpy as np
 
 from qflsd_ros.core.arcs import Arcs, TABLE
-from qflsd_ros.core.circle import fit, FIT_SIZE
+from qflsd_ros.core.circle import fit, FIT_SIZE, NO_LENS
 from qflsd_ros.core.compilation import compiled
 from qflsd_ros.core.distortion import DivisionModel
 
@@ -205,7 +205,7 @@ def _observe(points: np.ndarray, offsets: np.ndarray, lengths: np.ndarray, origi
     for i in range(len(seen)):
         first, last = offsets[i] + CORNER, offsets[i + 1] - 1 - CORNER
         if last - first + 1 < LEAST_POINTS or not fit(points, first, last, 0.0, 0.0, np.inf,
-                                                      fits, 0):
+                                                      NO_LENS, fits, 0):
             continue
         x, y, A, B, C, D = fits[0, 0], fits[0, 1], fits[0, 2], fits[0, 3], fits[0, 4], fits[0, 5]
         size = math.sqrt(B * B + C * C)

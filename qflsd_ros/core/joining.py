@@ -17,8 +17,9 @@ from typing import NamedTuple
 import numpy as np
 
 from qflsd_ros.core import circle, neighbours
-from qflsd_ros.core.circle import FIT_SIZE
+from qflsd_ros.core.circle import FIT_SIZE, Lens
 from qflsd_ros.core.compilation import compiled, inlined
+from qflsd_ros.core.distortion import DivisionModel
 from qflsd_ros.core.edges import MASKED, SOBEL_GAIN
 from qflsd_ros.core.neighbours import cell, Grid, OVERLAP
 from qflsd_ros.core.validation import witness, WITNESSES
@@ -38,6 +39,10 @@ FREE = 8.0              # px, longest gap that needs no evidence
 FREE_SHARE = 0.2        # the same as a share of the shorter piece
 EVIDENCE_SLOPE = 0.3   # evidence needed for each length of the shorter piece beyond that
 EVIDENCE = 0.55         # evidence that suffices for any gap
+LENS_ERROR = 0.02       # of a known lambda, and by which real lenses leave the division model
+STRAY = 0.25            # px, sagitta by which real edges are bent
+BENT = 3.0              # standard deviations from which on an arc is no picture of a straight edge
+EASE = 0.6              # share of the evidence that is needed for the picture of a straight edge
 SEED_SHARE = 0.8        # shortest piece from which an arc is made, of the shortest arc reported
 
 
@@ -76,6 +81,8 @@ class Limits(NamedTuple):
     tolerance: float
     significance: float
     sharpest: float
+    lens: Lens
+    lens_error: float       # standard deviation of its lambda, 1/px^2; inf where none is known
 
 
 class Memory:
@@ -179,6 +186,27 @@ def _evidence(fits: np.ndarray, which: int, x0: float, y0: float, x1: float, y1:
 
 
 @inlined
+def _is_straight(fits: np.ndarray, i: int, length: float, limits: Limits) -> bool:
+    """Tell whether a fit of such a length, px, may be the picture of a straight edge."""
+    lam, x, y = limits.lens
+    dx, dy = x - fits[i, 0], y - fits[i, 1]
+    part = circle.at_centre(lam, dx, dy, fits[i, 3], fits[i, 4], fits[i, 5])
+    by_lens = limits.lens_error * part / (1 - lam * (dx * dx + dy * dy))
+    by_stray = 4 * STRAY / (length * length)
+    variance = fits[i, 8] + by_lens * by_lens + by_stray * by_stray
+    return (fits[i, 2] - lam * part) ** 2 < BENT * BENT * variance
+
+
+@inlined
+def _bends(pieces: Pieces, other: int, gap: float, arc: Making, now: int, limits: Limits) -> bool:
+    """Tell whether a piece and an arc, each of a straight edge, are not of one and the same."""
+    size, whole = pieces.sums[other, SIZE], arc.total[SIZE] + gap + pieces.sums[other, SIZE]
+    return (limits.lens_error < np.inf and not _is_straight(arc.fits, now + 1, whole, limits)
+            and _is_straight(arc.fits, now, arc.total[SIZE], limits)
+            and _is_straight(pieces.fits, other, size, limits))
+
+
+@inlined
 def _cost(pieces: Pieces, other: int, side: int, gap: float, arc: Making, n: int, now: int,
           limits: Limits) -> float:
     """Return what joining a piece to an arc costs, px, or inf; writes the fit behind the arc's."""
@@ -190,7 +218,7 @@ def _cost(pieces: Pieces, other: int, side: int, gap: float, arc: Making, n: int
     if _farthest(arc, now, n, k) > off * (1 + 2 * lever * lever):
         return np.inf
     residual = arc.total[RSS] + pieces.sums[other, RSS]
-    if not circle.fit(arc.nodes, 0, k - 1, residual, limits.significance, limits.sharpest,
+    if not circle.fit(arc.nodes, 0, k - 1, residual, limits.significance, limits.sharpest, limits.lens,
                       arc.fits, now + 1):
         return np.inf
     if 2 * abs(arc.fits[now + 1, 2]) * (arc.total[SIZE] + gap + size) > MOST_TURN:
@@ -199,15 +227,24 @@ def _cost(pieces: Pieces, other: int, side: int, gap: float, arc: Making, n: int
     misfit = math.sqrt(max(0.0, arc.fits[now + 1, 6] - residual) / fewer)
     if misfit > MISFIT or _farthest(arc, now + 1, 0, k) > off:
         return np.inf
+    if _bends(pieces, other, gap, arc, now, limits):
+        return np.inf
     return gap + MISFIT_COST * misfit
 
 
 @inlined
-def _needed(gap: float, shorter: float) -> float:
-    """Return the evidence that a gap needs next to a piece of such a length, both in px."""
+def _needed(pieces: Pieces, other: int, gap: float, arc: Making, now: int,
+            limits: Limits) -> float:
+    """Return the evidence that the gap, px, between an arc and a piece needs."""
     if gap <= FREE:
         return 0.0
-    return max(0.0, min(EVIDENCE, EVIDENCE_SLOPE * (gap / shorter - FREE_SHARE)))
+    size = pieces.sums[other, SIZE]
+    shorter = min(size, arc.total[SIZE])
+    needed = max(0.0, min(EVIDENCE, EVIDENCE_SLOPE * (gap / shorter - FREE_SHARE)))
+    if limits.lens_error < np.inf and _is_straight(arc.fits, now + 1,
+                                                   arc.total[SIZE] + gap + size, limits):
+        return EASE * needed
+    return needed
 
 
 @inlined
@@ -236,7 +273,7 @@ def _partner(pieces: Pieces, grid: Grid, taken: np.ndarray, arc: Making, n: int,
                 continue
             found = _evidence(arc.fits, now + 1, x, y, grid.places[k, 0], grid.places[k, 1],
                               dx, dy)
-            if found >= _needed(gap, min(pieces.sums[other, SIZE], size)):
+            if found >= _needed(pieces, other, gap, arc, now, limits):
                 best, best_gap, best_cost = grid.order[k], gap, cost
     return best, best_gap
 
@@ -259,7 +296,7 @@ def _take(pieces: Pieces, piece: int, side: int, gap: float, arc: Making, n: int
     for k in range(3):
         arc.total[k] += pieces.sums[piece, k]
     arc.total[SIZE] += gap
-    circle.fit(arc.nodes, 0, n - 1, arc.total[RSS], limits.significance, limits.sharpest,
+    circle.fit(arc.nodes, 0, n - 1, arc.total[RSS], limits.significance, limits.sharpest, limits.lens,
                arc.fits, now)
     return n
 
@@ -330,8 +367,17 @@ def _seeds(lengths: np.ndarray, shortest: float) -> np.ndarray:
     return np.sort(keys) % len(lengths)
 
 
+def _known(lens: DivisionModel | None) -> tuple[Lens, float]:
+    """Return a lens and the error of its lambda as :class:`Limits` has them."""
+    if lens is None:
+        return circle.NO_LENS, math.inf
+    error = LENS_ERROR * (1 - lens.lam / 3) ** 2    # as far off in the picture for any lambda
+    return lens.in_pixels, error / lens.half_diagonal ** 2
+
+
 def join(pieces: Pieces, memory: Memory, dx: np.ndarray, dy: np.ndarray, min_length: float,
-         max_gap: float, tolerance: float, significance: float, sharpest: float) -> Joined:
+         max_gap: float, tolerance: float, significance: float, sharpest: float,
+         lens: DivisionModel | None) -> Joined:
     """
     Make arcs of pieces; those made of short pieces only are left out.
 
@@ -345,6 +391,10 @@ def join(pieces: Pieces, memory: Memory, dx: np.ndarray, dy: np.ndarray, min_len
         As in :class:`Parameters`, px.
     significance, sharpest
         As in :func:`extraction.extract`.
+    lens
+        Through which the image was taken, if that is known: arcs that may be pictures of straight
+        edges are bent as it says, need less evidence to be joined over a gap, and are not joined
+        to what is no picture of a straight edge.
 
     """
     m = len(pieces.sums)
@@ -352,7 +402,7 @@ def join(pieces: Pieces, memory: Memory, dx: np.ndarray, dy: np.ndarray, min_len
     seeds = _seeds(pieces.sums[:, SIZE], SEED_SHARE * min_length)
     memory.taken[:m] = False
     arc = Making(memory.nodes_of_arc, memory.total, memory.fits)
-    limits = Limits(max_gap, tolerance, significance, sharpest)
+    limits = Limits(max_gap, tolerance, significance, sharpest, *_known(lens))
     arcs = _join(pieces, grid, seeds, memory.taken, arc, limits, dx, dy, memory.members,
                  memory.offsets)
     return Joined(memory.members, memory.offsets[:arcs + 1], memory.fits[:arcs])
