@@ -223,6 +223,8 @@ def _cost(pieces: Pieces, other: int, side: int, gap: float, arc: Making, n: int
         return np.inf
     if 2 * abs(arc.fits[now + 1, 2]) * (arc.total[SIZE] + gap + size) > MOST_TURN:
         return np.inf
+    if arc.fits[now + 1, 6] > limits.tolerance ** 2 * arc.fits[now + 1, 7]:
+        return np.inf
     fewer = min(arc.total[COUNT], pieces.sums[other, COUNT])
     misfit = math.sqrt(max(0.0, arc.fits[now + 1, 6] - residual) / fewer)
     if misfit > MISFIT or _farthest(arc, now + 1, 0, k) > off:
