@@ -2,11 +2,11 @@
 from __future__ import annotations
 
 import numpy as np
-from qflsd_ros.core import Arcs, Detector, Parameters
+from qflsd_ros.core import Arcs, Detector, DivisionModel, Parameters
 
 
-def find(gray: np.ndarray, **parameters: float | str) -> Arcs:
-    return Detector(Parameters(**parameters)).detect(gray)
+def find(gray: np.ndarray, lens: DivisionModel | None = None, **parameters: float | str) -> Arcs:
+    return Detector(Parameters(**parameters)).detect(gray, lens=lens)
 
 
 def only(arcs: Arcs) -> np.void:

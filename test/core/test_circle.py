@@ -5,14 +5,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from qflsd_ros.core import circle, paper
-from qflsd_ros.core.circle import FIT, FIT_SIZE
+from qflsd_ros.core import circle, DivisionModel, paper
+from qflsd_ros.core.circle import FIT, FIT_SIZE, NO_LENS
+from seen import edge, edges
 
 radii = st.floats(50, 1e7)
 angles = st.floats(-np.pi, np.pi)
 places = st.tuples(st.floats(-4000, 4000), st.floats(-4000, 4000))
 sides = st.sampled_from([-1, 1])
+lambdas = st.floats(-1, 0.3)
+seeds = st.integers(0, 10**6)
 ANY = 1e9       # 1/px, sharper than any curve
+SHAPE = 480, 640
 
 
 def arc(place: tuple[float, float], angle: float, radius: float, length: float,
@@ -30,11 +34,13 @@ def through(points: np.ndarray, sharpest: float = ANY) -> circle.Circle:
 
 
 def fit(points: np.ndarray, weight: np.ndarray | None = None, residual: float = 0.0,
-        significance: float = 0.0, sharpest: float = ANY) -> dict[str, float] | None:
+        significance: float = 0.0, sharpest: float = ANY,
+        lens: circle.Lens = NO_LENS) -> dict[str, float] | None:
     """Return what was fitted to all points by the names of FIT, or None."""
     fits = np.empty((1, FIT_SIZE))
     rows = np.vstack(points.T if weight is None else [*points.T, weight])
-    if not circle.fit(rows, 0, len(points) - 1, residual, significance, sharpest, fits, 0):
+    if not circle.fit(rows, 0, len(points) - 1, residual, significance, sharpest, lens,
+                      fits, 0):
         return None
     return dict(zip(FIT, fits[0]))
 
@@ -174,3 +180,97 @@ def test_points_that_determine_nothing(points):
 def test_two_points_are_a_line():
     fitted = fit(np.array([[0, 0], [30, 40.0]]))
     assert fitted['A'] == 0 and np.allclose(off(fitted, np.array([[3, 4.0], [8, -6]])), [0, -10])
+
+
+def bend(fitted: dict[str, float]) -> float:
+    """Return the curvature of a fit, 1/px, positive where it bends away from its gradient."""
+    return 2 * fitted['A']
+
+
+def wanted(lens: DivisionModel, fitted: dict[str, float]) -> float:
+    """Return the same of the picture of a straight edge in the place of a fit."""
+    model = tuple(fitted[name] for name in 'ABCD')
+    gradient = np.array([fitted['B'], fitted['C']])
+    point = np.array([fitted['x'], fitted['y']]) - circle.distance(model, 0, 0) * gradient
+    return float(lens.curvature(point, gradient / np.hypot(*gradient)))
+
+
+def noisy(points: np.ndarray, sigma: float, seed: int) -> np.ndarray:
+    """Return points that are off by a standard deviation in px."""
+    return points + np.random.default_rng(seed).normal(0, sigma, points.shape)
+
+
+@given(lambdas, st.floats(20, 620), st.floats(20, 460), angles, st.floats(-20, 20),
+       st.floats(-20, 20))
+def test_at_the_centre_of_a_lens(lam, x, y, angle, right, down):
+    # The picture of a straight edge through (x, y), given relative to a point beside it.
+    lens = DivisionModel(lam, SHAPE)
+    normal, away = np.array([np.cos(angle), np.sin(angle)]), np.array([right, down])
+    a = lens.curvature(np.array([x, y]), normal) / 2
+    b, c = 2 * a * away + normal
+    d = a * (away ** 2).sum() + (away * normal).sum()
+    lam_px, *centre = lens.in_pixels
+    at = np.array(centre) - (x, y) - away
+    found = circle.at_centre(lam_px, *at, b, c, d)
+    assert np.isclose(lam_px * found, a, rtol=1e-9, atol=1e-15)
+    assert np.isclose(found, circle.value((a, b, c, d), *at), rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize('centre', [None, (250.0, 300.0)])
+@pytest.mark.parametrize('lam', [-0.8, -0.3, 0.2])
+@pytest.mark.parametrize('seed', range(4))
+def test_what_is_short_is_bent_as_the_lens_says(lam, centre, seed):
+    lens = DivisionModel(lam, SHAPE, centre)
+    points = noisy(edge(lens, (420, 60), (455, 85)), 0.2, seed)
+    usual = fit(points, significance=9.0)
+    fitted = fit(points, significance=9.0, lens=lens.in_pixels)
+    assert usual['A'] == 0 and abs(wanted(lens, fitted)) > 1e-4
+    assert np.isclose(bend(fitted), wanted(lens, fitted), rtol=0.05)
+    assert np.isclose(fitted['rss'], (off(fitted, points) ** 2).sum(), rtol=0.01)
+    assert fitted['var_D'] > 0 and fitted['var_A'] == usual['var_A']
+
+
+@pytest.mark.parametrize('lam', [-0.7, -0.25])
+def test_a_known_lens_makes_short_arcs_more_exact(lam):
+    lens, random = DivisionModel(lam, SHAPE), np.random.default_rng(0)
+    errors = []
+    for curve in edges(lens, 200, seed=1, length=(30, 50)):
+        points = curve + random.normal(0, 0.2, curve.shape)
+        for known in (NO_LENS, lens.in_pixels):
+            fitted = fit(points, significance=2.3, lens=known)
+            errors.append(abs(bend(fitted) - wanted(lens, fitted)))
+    usual, better = np.median(np.reshape(errors, (-1, 2)), axis=0)
+    assert better < 0.1 * usual
+
+
+@given(places, angles, st.floats(20, 60), sides, seeds, st.floats(-0.3, 0.2))
+def test_what_is_bent_otherwise_stays_as_it_is(place, angle, radius, side, seed, lam):
+    lens = DivisionModel(lam, SHAPE, tuple(np.array(place) + (100, 50)))
+    points = noisy(arc(place, angle, side * radius, 50, 50), 0.1, seed)
+    assert fit(points, significance=3.0, lens=lens.in_pixels) == fit(points)
+
+
+@given(places, angles, seeds)
+def test_without_distortion_a_straight_edge_is_straight(place, angle, seed):
+    points = noisy(arc(place, angle, 1e12, 40, 40), 0.2, seed)
+    for lens in (NO_LENS, DivisionModel(0.0, SHAPE).in_pixels):
+        fitted = fit(points, significance=9.0, lens=lens)
+        assert fitted['A'] == 0
+        assert np.abs(off(fitted, points)).max() < 1.5
+
+
+def test_too_sharp_is_the_picture_of_a_straight_edge():
+    lens = DivisionModel(-0.3, SHAPE)
+    points = arc((500, 100), 0.5, 60, 40, 40)
+    fitted = fit(points, sharpest=0.9 / 60, lens=lens.in_pixels)
+    assert np.isclose(bend(fitted), wanted(lens, fitted), rtol=0.05)
+    assert 1e-4 < abs(bend(fitted)) < 0.9 / 60
+
+
+def test_two_points_are_an_arc_through_a_lens():
+    lens = DivisionModel(-0.5, SHAPE)
+    whole = edge(lens, (450, 50), (500, 90))
+    fitted = fit(whole[[0, -1]], lens=lens.in_pixels)
+    chord = fit(whole[[0, -1]])
+    assert np.abs(off(chord, whole)).max() > 0.4
+    assert np.abs(off(fitted, whole)).max() < 0.05

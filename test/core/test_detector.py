@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 import numpy as np
 import pytest
-from qflsd_ros.core import Arcs, Detector, Parameters
+from qflsd_ros.core import Arcs, Detector, DivisionModel, Parameters
+from qflsd_ros.sources import Scene
 from scenery import noise, scene
 from soundness import assert_sound
 
@@ -144,3 +145,58 @@ def test_the_published_method_has_no_mask():
     gray = np.zeros((20, 30), np.uint8)
     with pytest.raises(ValueError, match='mask'):
         Detector(Parameters(method='paper')).detect(gray, gray + 1)
+
+
+@pytest.mark.parametrize('shape', [(30, 20), (20, 31), (480, 640)])
+def test_a_lens_of_other_images(shape):
+    with pytest.raises(ValueError, match='lens is for images of shape') as caught:
+        Detector().detect(np.zeros((20, 30), np.uint8), lens=DivisionModel(-0.2, shape))
+    assert str(shape) in str(caught.value) and '(20, 30)' in str(caught.value)
+
+
+def test_the_published_method_makes_no_use_of_a_lens():
+    gray = scene()[:90, :120]
+    parameters = {'method': 'paper', 'paper_max_hypotheses': 50}
+    usual = find(gray, **parameters)
+    assert len(usual) > 3
+    assert_same(find(gray, DivisionModel(-0.4, gray.shape), **parameters), usual)
+
+
+@pytest.mark.parametrize('lam', [-0.4, 0.0, 0.3])
+@pytest.mark.parametrize('seed', range(3))
+def test_scenes_through_a_known_lens_are_sound(seed, lam):
+    gray = scene(seed)
+    arcs = find(gray, DivisionModel(lam, gray.shape, (100.0, 70.0)))
+    assert len(arcs) > 3
+    assert_sound(arcs, gray)
+
+
+def test_a_lens_is_of_one_frame_alone():
+    detector, gray = Detector(), scene(1)
+    lens = DivisionModel(-0.4, gray.shape)
+    usual, known = detector.detect(gray), detector.detect(gray, lens=lens)
+    assert known.table.tobytes() != usual.table.tobytes()
+    assert_same(detector.detect(gray), usual)
+    assert_same(detector.detect(gray, lens=lens), known)
+
+
+def bends(arcs: Arcs, lens: DivisionModel) -> np.ndarray:
+    """Return how far the sagitta of each arc is from that of a straight edge's picture, px."""
+    table = arcs.table
+    chord = table['end'] - table['start']
+    left = np.column_stack([chord[:, 1], -chord[:, 0]]) / np.hypot(*chord.T)[:, None]
+    off = table['curvature'] - lens.curvature(table['middle'], left)
+    return np.abs(off) * table['length'] ** 2 / 8
+
+
+@pytest.mark.parametrize('lam', [-0.6, -0.25])
+def test_short_arcs_are_more_exact_through_a_known_lens(lam):
+    room = Scene(640, 480, lam)
+    usual, known = [], []
+    for number in (0, 300):
+        gray = room.image(number)
+        for errors, lens in ((usual, None), (known, room.lens)):
+            arcs = find(gray, lens)
+            errors.extend(bends(arcs, room.lens)[arcs.table['length'] < 80])
+    assert len(usual) > 100 and len(known) > 0.9 * len(usual)
+    assert np.median(known) < 0.75 * np.median(usual)

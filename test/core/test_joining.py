@@ -5,7 +5,8 @@ from finding import find, only, samples
 import numpy as np
 import pytest
 from qflsd_ros.core import DivisionModel
-from rendering import disk, off_circle, off_line, polygon, render, through_lens
+from rendering import (
+    both, disk, half_plane, off_circle, off_line, polygon, render, through_lens)
 
 WIDTH = 400
 LEVEL = 40.3        # y of the edge that has a gap
@@ -134,3 +135,74 @@ def test_joined_arcs_are_described_as_one():
 
 def test_a_plain_edge_is_one_arc_without_joining_too():
     assert only(find(render((80, WIDTH), lambda u, v: v - LEVEL), max_gap=0))['length'] > 395
+
+
+def hidden(lens: DivisionModel, shown: float) -> np.ndarray:
+    """
+    Return the picture of an edge, 280 px of it, 40 px more, and a gap of 50 px in between.
+
+    It shows faintly over that share of the gap.
+    """
+    straight = through_lens(half_plane(0, 60.3, 0.0), lens)
+    gray, faint = render(lens.shape, straight), render(lens.shape, straight, 60, 64)
+    half = round(25 * shown)
+    gray[:, 280:330] = gray[:, 370:] = 60
+    gray[:, 305 - half:305 + half] = faint[:, 305 - half:305 + half]
+    return gray
+
+
+@pytest.mark.parametrize('lam', [-0.6, -0.3, 0.0, 0.2])
+@pytest.mark.parametrize(('shown', 'usual', 'known'), [
+    (0.0, 2, 2), (0.32, 2, 1), (0.8, 1, 1)])
+def test_a_known_lens_reaches_over_gaps_that_show_less(lam, shown, usual, known):
+    lens = DivisionModel(lam, (240, WIDTH))
+    gray = hidden(lens, shown)
+    for given, count in ((None, usual), (lens, known)):
+        table = find(gray, given, max_gap=100, contrast_low=15, contrast_high=20).table
+        assert np.count_nonzero(np.abs(table['end'] - table['start'])[:, 0] > 20) == count
+
+
+def bent(lens: DivisionModel, degrees: float) -> np.ndarray:
+    """Return the picture of two edges that meet at an angle, with a post before their corner."""
+    half = np.radians(degrees) / 2
+    gray = render(lens.shape, through_lens(
+        both(half_plane(150, 60.3, -half), half_plane(150, 60.3, half)), lens))
+    gray[:, 143:157] = 60
+    return gray
+
+
+@pytest.mark.parametrize('lam', [-0.4, 0.0])
+@pytest.mark.parametrize(('degrees', 'usual', 'known'), [(0.0, 1, 1), (4.5, 1, 2), (10.0, 2, 2)])
+def test_a_known_lens_parts_edges_that_only_look_like_one(lam, degrees, usual, known):
+    lens = DivisionModel(lam, (240, 300))
+    gray = bent(lens, degrees)
+    for given, count in ((None, usual), (lens, known)):
+        table = find(gray, given).table
+        across = table[np.abs(table['end'] - table['start'])[:, 0] > 100]
+        assert len(across) == count
+        assert across['length'].sum() > 275
+
+
+@pytest.mark.parametrize('lam', [-0.5, 0.0, 0.2])
+@pytest.mark.parametrize('radius', [75, 95])
+def test_a_wheel_is_no_picture_of_a_straight_edge(lam, radius):
+    gray = render((240, 320), disk(140.2, 118.7, radius))
+    gray[:, 130:138] = 60
+    usual, known = find(gray), find(gray, DivisionModel(lam, gray.shape))
+    for arcs in (usual, known):
+        table = arcs.table
+        on = table[np.abs(off_circle(table['middle'], 140.2, 118.7, radius)) < 0.3]
+        assert np.allclose(1 / np.abs(on['curvature']), radius, rtol=0.01)
+        assert on['length'].max() > 2.3 * radius
+        assert on['length'].sum() > 2 * np.pi * radius - 60
+    assert len(known) == len(usual)
+
+
+@pytest.mark.parametrize('lam', [-0.4, 0.0])
+def test_a_round_edge_behind_a_post_is_one_with_a_known_lens(lam):
+    gray = render((200, 240), disk(119.5, 190, 150))
+    gray[:, 110:122] = 200
+    arcs = find(gray, DivisionModel(lam, gray.shape))
+    points = samples(arcs, int(np.argmax(arcs.table['length'])))
+    assert points[:, 0].min() < 12 and points[:, 0].max() > 227
+    assert np.abs(off_circle(points, 119.5, 190, 150)).max() < 0.5
