@@ -17,6 +17,7 @@ import math
 import numpy as np
 
 from qflsd_ros.core import circle
+from qflsd_ros.core.circle import NO_LENS
 from qflsd_ros.core.compilation import compiled, inlined
 
 # Points times curvature of an arc at most: points are up to 1.41 px apart, and the picture of a
@@ -81,22 +82,19 @@ def _refit(points: np.ndarray, first: int, last: int, lo: int, hi: int,
            tolerance: float, significance: float, sharpest: float,
            fits: np.ndarray, row: int) -> tuple[int, int]:
     """Fit a run, grow it and fit again; return the run that was fitted last, or (0, -1)."""
-    if not circle.fit(points, lo, hi, 0.0, significance, sharpest, circle.NO_LENS, fits,
-                          row):
+    if not circle.fit(points, lo, hi, 0.0, significance, sharpest, NO_LENS, fits, row):
         return 0, -1
     model = (fits[row, 2], fits[row, 3], fits[row, 4], fits[row, 5])
     new_lo, new_hi = _run(model, fits[row, 0], fits[row, 1], points, first, last, (lo + hi) // 2,
                           tolerance)
     if new_lo != lo or new_hi != hi:
         lo, hi = new_lo, new_hi
-        if not circle.fit(points, lo, hi, 0.0, significance, sharpest, circle.NO_LENS, fits,
-                          row):
+        if not circle.fit(points, lo, hi, 0.0, significance, sharpest, NO_LENS, fits, row):
             return 0, -1
     bend = 2 * abs(fits[row, 2])
     if bend * (hi - lo) > MOST_TURN:
         hi = lo + int(MOST_TURN / bend)
-        circle.fit(points, lo, hi, 0.0, significance, sharpest, circle.NO_LENS, fits,
-                          row)
+        circle.fit(points, lo, hi, 0.0, significance, sharpest, NO_LENS, fits, row)
     advance = math.hypot(points[0, hi] - points[0, lo], points[1, hi] - points[1, lo])
     # What is bent more than it may be has been fitted by a line, and lies off it.
     off = fits[row, 6] > tolerance * tolerance * fits[row, 7]

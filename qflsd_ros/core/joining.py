@@ -148,6 +148,13 @@ def _append(pieces: Pieces, piece: int, side: int, arc: Making, n: int) -> int:
 
 
 @inlined
+def _fit(arc: Making, n: int, residual: float, row: int, limits: Limits) -> bool:
+    """Fit the first n nodes of an arc; see :func:`circle.fit`."""
+    return circle.fit(arc.nodes, 0, n - 1, residual, limits.significance, limits.sharpest,
+                      limits.lens, arc.fits, row)
+
+
+@inlined
 def _farthest(arc: Making, which: int, first: int, last: int) -> float:
     """Return the largest distance of nodes first to last - 1 from a fit, px."""
     farthest, fits = 0.0, arc.fits
@@ -218,8 +225,7 @@ def _cost(pieces: Pieces, other: int, side: int, gap: float, arc: Making, n: int
     if _farthest(arc, now, n, k) > off * (1 + 2 * lever * lever):
         return np.inf
     residual = arc.total[RSS] + pieces.sums[other, RSS]
-    if not circle.fit(arc.nodes, 0, k - 1, residual, limits.significance, limits.sharpest, limits.lens,
-                      arc.fits, now + 1):
+    if not _fit(arc, k, residual, now + 1, limits):
         return np.inf
     if 2 * abs(arc.fits[now + 1, 2]) * (arc.total[SIZE] + gap + size) > MOST_TURN:
         return np.inf
@@ -281,13 +287,16 @@ def _partner(pieces: Pieces, grid: Grid, taken: np.ndarray, arc: Making, n: int,
 
 
 @inlined
-def _begin(pieces: Pieces, seed: int, arc: Making, now: int) -> int:
+def _begin(pieces: Pieces, seed: int, arc: Making, now: int, limits: Limits) -> int:
     """Make an arc of one piece; return the number of its nodes."""
+    n = _append(pieces, seed, 0, arc, 0)
     for k in range(3):
         arc.total[k] = pieces.sums[seed, k]
     for k in range(FIT_SIZE):
         arc.fits[now, k] = pieces.fits[seed, k]
-    return _append(pieces, seed, 0, arc, 0)
+    if limits.lens_error < np.inf:
+        _fit(arc, n, arc.total[RSS], now, limits)
+    return n
 
 
 @inlined
@@ -298,8 +307,7 @@ def _take(pieces: Pieces, piece: int, side: int, gap: float, arc: Making, n: int
     for k in range(3):
         arc.total[k] += pieces.sums[piece, k]
     arc.total[SIZE] += gap
-    circle.fit(arc.nodes, 0, n - 1, arc.total[RSS], limits.significance, limits.sharpest, limits.lens,
-               arc.fits, now)
+    _fit(arc, n, arc.total[RSS], now, limits)
     return n
 
 
@@ -343,7 +351,7 @@ def _join(pieces: Pieces, grid: Grid, seeds: np.ndarray, taken: np.ndarray, arc:
         taken[seed] = True
         first = placed = offsets[arcs]
         members[placed, 0], members[placed, 1] = seed, 0
-        n = _begin(pieces, seed, arc, arcs)
+        n = _begin(pieces, seed, arc, arcs, limits)
         for _ in range(2):
             while True:
                 outer = 2 * members[placed, 0] + 1 - members[placed, 1]
@@ -395,8 +403,8 @@ def join(pieces: Pieces, memory: Memory, dx: np.ndarray, dy: np.ndarray, min_len
         As in :func:`extraction.extract`.
     lens
         Through which the image was taken, if that is known: arcs that may be pictures of straight
-        edges are bent as it says, need less evidence to be joined over a gap, and are not joined
-        to what is no picture of a straight edge.
+        edges are bent as it says, and need less evidence to be joined over a gap; two such make
+        no arc that is none.
 
     """
     m = len(pieces.sums)
