@@ -49,6 +49,21 @@ class DivisionModel:
         x, y = self.origin.tolist()
         return self.lam / self.half_diagonal ** 2, x, y
 
+    def reduced(self, factor: int) -> DivisionModel:
+        """
+        Return the lens of the same image made smaller: a pixel of each factor x factor pixels.
+
+        Blocks begin at (0, 0), as those of :meth:`Arcs.scaled`; rows and columns at the end that
+        fill none are left out, for which lambda, in units of a shorter diagonal, makes up.
+        """
+        if factor == 1:
+            return self
+        height, width = self.shape
+        shape = height // factor, width // factor
+        share = factor * float(np.hypot(*shape)) / 2 / self.half_diagonal
+        x, y = ((self.origin - (factor - 1) / 2) / factor).tolist()
+        return DivisionModel(self.lam * share ** 2, shape, (x, y))
+
     def undistort(self, points: np.ndarray) -> np.ndarray:
         """
         Map image points to where a lens without distortion shows them; (..., 2) px.

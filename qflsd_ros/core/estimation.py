@@ -55,6 +55,7 @@ RIM = 0.05              # distance of a circle from the centre, up to which it i
 COMMON = 6.0
 CENTRE_SPREAD = 0.05    # standard deviation of the centre about the image's, before arcs are seen
 ITERATIONS = 30
+ASTRAY = 3.0            # times the bounds of lambda, from where steps do not come back
 SMALL = 0.02            # step after which no other follows, in standard deviations
 # Columns of observations: curvature, its variance by the noise and in all, unit normal, point.
 CURVATURE, NOISE, VARIANCE, NORMAL, POINT, COLUMNS = 0, 1, 2, 3, 5, 7
@@ -317,7 +318,8 @@ def _refine(seen: np.ndarray, start: float,
         step = inverse @ (slopes.T @ (weights * error) - prior @ lens[:free])
         lens[:free] += step
         spread[:free - 1, :free - 1] = inverse[1:, 1:]
-        if (np.abs(step) < SMALL * np.sqrt(np.diag(inverse))).all():
+        settled = (np.abs(step) < SMALL * np.sqrt(np.diag(inverse))).all()
+        if settled or not ASTRAY * LOWEST < lens[0] < ASTRAY * HIGHEST:
             break
     influence = (slopes * weights[:, None]) @ inverse
     own = (influence * slopes).sum(axis=1)

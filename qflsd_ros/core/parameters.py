@@ -59,8 +59,9 @@ def _of_type(field: dataclasses.Field[Any], value: Any) -> Any:
                              f'in {field.metadata["low"]} to {field.metadata["high"]}')
         value = wanted(value)
     if type(value) is not wanted:
+        hint = ', in YAML within quotes' if wanted is str else ''  # there, off is a truth value
         raise TypeError(f'{field.name} is {value!r}, of type {type(value).__name__}: '
-                        f'must be of type {wanted.__name__}')
+                        f'must be of type {wanted.__name__}{hint}')
     if wanted is float and not math.isfinite(value):
         raise ValueError(f'{field.name} is {value}: must be finite')
     return value

@@ -14,7 +14,9 @@ from qflsd_ros.core.arcs import Arcs
 from qflsd_ros.core.estimation import COLUMNS, estimate_from, LensEstimate, observe
 
 MEMORY = 300            # frames that tell the lens, after which one of them counts 1 / e
-ROOM = 1000             # arcs kept of frames that do not tell the lens alone
+START = 30              # frames that are all looked at
+EVERY = 16              # later the first of so many, as long as they tell the same lens
+ROOM = 300              # arcs kept of frames that do not tell the lens alone
 DEVIATIONS = 4.0        # from which on a frame is an outlier
 PATIENCE = 15           # outliers in a row after which the lens is another one
 
@@ -41,10 +43,18 @@ class LensTracker:
         self._forget((0, 0))
 
     def add(self, arcs: Arcs, shape: tuple[int, int]) -> None:
-        """Take in the arcs of the next frame, of a shape (height, width) in px."""
+        """
+        Take in the arcs of the next frame, of a shape (height, width) in px.
+
+        Most frames are passed over later on: they are much like their neighbours, and looking at
+        each would cost some percent of the time that its detection takes.
+        """
         if shape != self._shape:
             self._forget(shape)
-        self._waiting = np.concatenate([self._waiting, observe(arcs, shape)])[-ROOM:]
+        self._frames += 1
+        if self._frames > START and self._frames % EVERY and not self._contrary:
+            return
+        self._waiting = np.concatenate([self._waiting[-ROOM:], observe(arcs, shape)])
         frame = estimate_from(self._waiting, shape, self._centre)
         if frame is None:
             return
@@ -59,7 +69,7 @@ class LensTracker:
         self._average(frame)
 
     def _forget(self, shape: tuple[int, int]) -> None:
-        self._shape, self._contrary, self.estimate = shape, 0, None
+        self._shape, self._frames, self._contrary, self.estimate = shape, 0, 0, None
         self._waiting = np.empty((0, COLUMNS))
         self._weight = self._squares = self._mean = self._last = np.zeros(3)
         self._variance = self._scatter = self._steps = np.zeros(3)

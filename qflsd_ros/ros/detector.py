@@ -251,10 +251,12 @@ class DetectorNode(Node):
         header = frame.message.header
         gray = self._transport.read(frame.message, settings.white_level)
         factor, mask = view(settings, *gray.shape)
-        arcs = detector.detect(reduced(gray, factor), mask).scaled(factor)
-        heard, model = self._heard(), None
+        before = self._lens.known(gray.shape, settings)
+        arcs = detector.detect(reduced(gray, factor), mask,
+                               before and before.reduced(factor)).scaled(factor)
+        # Whoever listens: what is found in the next frame depends on it.
+        model, heard = self._lens.follow(arcs, gray.shape, settings), self._heard()
         if heard & WITH_LENS:
-            model = self._lens.follow(arcs, gray.shape, settings)
             arcs = with_straightness(arcs, model)
         self._publish(Result(header, gray, arcs, settings, model), heard)
         self._statistics.done(time.monotonic() - frame.arrival, self._age(header), len(arcs))

@@ -29,24 +29,31 @@ class CameraLens:
     """What is known of the lens; one thread may follow the frames and another one report."""
 
     def __init__(self) -> None:
-        self._find_centre: bool | None = None
+        self._asked: tuple[str, bool] | None = None
         self._tracker = LensTracker()
         self._model: DivisionModel | None = None
 
+    def known(self, shape: tuple[int, int], settings: NodeParameters) -> DivisionModel | None:
+        """Return the lens of images of a shape by what came so far, None where that is nothing."""
+        estimate = self._tracking(settings).estimate
+        if settings.lens == 'fixed':
+            return fixed(settings, shape)
+        return estimate.model if estimate and estimate.model.shape == shape else None
+
     def follow(self, arcs: Arcs, shape: tuple[int, int],
                settings: NodeParameters) -> DivisionModel | None:
-        """Return the lens of a frame by its arcs and those before, None where it is not known."""
-        if settings.lens != 'estimate':
-            self._find_centre = None  # to begin anew
-            self._model = fixed(settings, shape) if settings.lens == 'fixed' else None
-            return self._model
-        if self._find_centre != settings.lens_find_centre:
-            self._find_centre = settings.lens_find_centre
-            self._tracker = LensTracker(self._find_centre)
-        self._tracker.add(arcs, shape)
-        estimate = self._tracker.estimate
-        self._model = estimate.model if estimate else None
+        """Take in the arcs of the next frame; return what is known of the lens with them."""
+        if settings.lens == 'estimate':
+            self._tracking(settings).add(arcs, shape)
+        self._model = self.known(shape, settings)
         return self._model
+
+    def _tracking(self, settings: NodeParameters) -> LensTracker:
+        """Return the tracker, which begins anew when something else is asked for."""
+        asked = settings.lens, settings.lens_find_centre
+        if asked != self._asked:
+            self._asked, self._tracker = asked, LensTracker(settings.lens_find_centre)
+        return self._tracker
 
     def values(self, settings: NodeParameters) -> dict[str, str]:
         """Return what there is to say of the lens, for diagnostics."""

@@ -57,8 +57,8 @@ class NodeParameters:
     metres_per_pixel: float = parameter(
         0.01, 'Size of a pixel on ~/markers.', 'm', 0.0001, 1000.0)
     lens: str = parameter(
-        'estimate', 'The lens: off (nothing is known of it), estimate (from the arcs of the '
-        'images, while somebody listens to ~/arcs, ~/camera_info or ~/rectified) or fixed (by '
+        'estimate', 'The lens, which detection makes use of: off (nothing is known of it, every '
+        'image is for itself), estimate (from the arcs of the images before) or fixed (by '
         'lens_lambda).', choices=LENSES)
     lens_lambda: float = parameter(
         0.0, 'Lens fixed only: lambda of the division model, 1 at half the diagonal; below 0 is a '

@@ -51,6 +51,23 @@ def test_centre():
     assert lens.distort(lens.origin).tolist() == lens.undistort(lens.origin).tolist() == [7, 8]
 
 
+@given(lambdas, shapes, shares, st.integers(1, 5))
+def test_the_lens_of_a_smaller_image_does_the_same(lam, shape, share, factor):
+    lens = DivisionModel(lam, shape, (0.4 * shape[1], 0.6 * shape[0]))
+    small = lens.reduced(factor)
+    assert small.shape == (shape[0] // factor, shape[1] // factor)
+    point = inside(lens, share)
+    there = small.undistort((point - (factor - 1) / 2) / factor) * factor + (factor - 1) / 2
+    assert np.allclose(there, lens.undistort(point), rtol=1e-6, atol=1e-6)
+
+
+def test_the_lens_of_a_smaller_image_keeps_lambda_and_the_middle():
+    small = DivisionModel(-0.4, (480, 640)).reduced(2)
+    whole = DivisionModel(-0.4, (240, 320))
+    assert small.lam == pytest.approx(-0.4, rel=1e-12) and small.shape == whole.shape
+    assert small.origin.tolist() == whole.origin.tolist()
+
+
 def test_lambda_is_normalised_to_half_the_diagonal():
     lens = DivisionModel(-0.5, (600, 800), centre=(0.0, 0.0))
     assert lens.half_diagonal == 500

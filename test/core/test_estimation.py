@@ -9,7 +9,9 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 from qflsd_ros.core import Arcs, Detector, DivisionModel, estimate_distortion
-from qflsd_ros.core.estimation import straightness, with_straightness
+from qflsd_ros.core.estimation import (
+    COLUMNS, CURVATURE, estimate_from, NOISE, NORMAL, POINT, straightness, VARIANCE,
+    with_straightness)
 from qflsd_ros.sources import Scene
 from seen import arcs_of, edge, edges, wheels
 
@@ -125,6 +127,19 @@ def test_what_is_not_observable_is_not_guessed(curves, reason, caplog):
     caplog.set_level(logging.INFO, 'qflsd_ros')
     assert estimate_distortion([arcs_of(curves)], SHAPE) is None
     assert caplog.messages[-1].startswith('lens not observable: ') and reason in caplog.text
+
+
+@pytest.mark.parametrize('seed', [1389, 1462, 2114])
+def test_steps_that_go_astray_end_in_no_lens(seed):
+    """Arcs of any curvature anywhere, after which lambda ran away to where nothing tells it."""
+    random = np.random.default_rng(seed)
+    seen = np.empty((int(random.integers(8, 40)), COLUMNS))
+    seen[:, CURVATURE] = random.uniform(-4, 4, len(seen))
+    seen[:, NOISE] = seen[:, VARIANCE] = random.choice([1e-4, 1e-2, 0.1], len(seen))
+    angle = random.uniform(0, 2 * np.pi, len(seen))
+    seen[:, NORMAL:POINT] = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    seen[:, POINT:] = random.uniform(-0.7, 0.7, (len(seen), 2))
+    assert estimate_from(seen, SHAPE, centre=True) is None
 
 
 def test_no_image_at_all():

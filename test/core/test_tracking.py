@@ -58,6 +58,7 @@ def test_frames_of_few_arcs_are_taken_together():
 
 def test_memory_is_bounded_and_forgets(monkeypatch):
     monkeypatch.setattr(tracking, 'MEMORY', 20)
+    monkeypatch.setattr(tracking, 'EVERY', 1)
     monkeypatch.setattr(tracking, 'DEVIATIONS', np.inf)
     tracker = LensTracker()
     follow(tracker, frames(-0.30, 40))
@@ -68,7 +69,7 @@ def test_memory_is_bounded_and_forgets(monkeypatch):
     short = arcs_of(edges(lens, 300, 1, (20, 25)))
     for _ in range(8):
         tracker.add(short, SHAPE)
-    assert len(tracker._waiting) <= tracking.ROOM
+    assert len(tracker._waiting) <= tracking.ROOM + len(short)
 
 
 def test_outliers_are_left_out():
@@ -87,6 +88,16 @@ def test_another_lens_is_taken_for_one_after_a_while():
     follow(tracker, frames(-0.3, 10))
     lambdas = follow(tracker, frames(-0.6, 30, first=10))
     assert lambdas[3] == pytest.approx(-0.3, abs=0.005)
+    assert lambdas[-1] == pytest.approx(-0.6, abs=0.01)
+
+
+def test_later_on_most_frames_are_passed_over_until_one_tells_another_lens():
+    tracker = LensTracker()
+    lambdas = follow(tracker, frames(-0.3, tracking.START + 3 * tracking.EVERY))
+    changes = np.diff(lambdas) != 0
+    assert changes[:tracking.START - 1].all() and changes[tracking.START - 1:].sum() == 3
+    lambdas = follow(tracker, frames(-0.6, tracking.EVERY + tracking.PATIENCE, first=100))
+    assert lambdas[0] == pytest.approx(-0.3, abs=0.005)
     assert lambdas[-1] == pytest.approx(-0.6, abs=0.01)
 
 

@@ -53,11 +53,15 @@ def image(pixels: np.ndarray, encoding: str = 'mono8', **changes: Any) -> Image:
 
 
 class Rig:
-    """A running detector between a camera and a listener, both of the test's own."""
+    """
+    A running detector between a camera and a listener, both of the test's own.
+
+    Unless the lens is asked for, every frame is for itself: a test may show one several times.
+    """
 
     def __init__(self, peer: Peer, *arguments: str, node: str = '/detector',
                  topic: str = '/image', camera_type: type = Image,
-                 listen: tuple[str, ...] = ('segments',),
+                 listen: tuple[str, ...] = ('segments',), lens: str = 'off',
                  camera_qos: QoSProfile = qos_profile_sensor_data, **environment: str) -> None:
         self.peer, self.name, self.topic = peer, node, topic
         self.received: dict[str, list[Any]] = defaultdict(list)
@@ -68,7 +72,8 @@ class Rig:
         peer.node.create_subscription(
             DiagnosticArray, '/diagnostics',
             lambda message: self.reports.extend(message.status), 10)
-        self.process: Process = peer.run(*NODE, *arguments, **environment)
+        self.process: Process = peer.run(*NODE, *arguments, '-p', f"lens:='{lens}'",
+                                         **environment)
 
     def listen(self, output: str) -> Any:
         return self.peer.node.create_subscription(

@@ -41,10 +41,25 @@ def test_estimate_follows_the_frames_and_begins_anew_when_asked():
     assert float(values['lens share of arcs that agree']) > 0.5
     assert values['lens outlier frames'] == '0'
     # What follows is the same lens until the estimate begins anew.
+    assert camera.known(SHAPE, settings) == model
     assert camera.follow(Arcs.empty(), SHAPE, settings) == model
     assert camera.follow(ARCS, SHAPE, NodeParameters(lens_find_centre=True)).centre is not None
-    camera.follow(ARCS, SHAPE, NodeParameters(lens='off'))
+    assert camera.known(SHAPE, NodeParameters(lens='off')) is None
     assert camera.follow(Arcs.empty(), SHAPE, settings) is None
+
+
+def test_what_is_known_before_a_frame():
+    camera, settings = lens.CameraLens(), NodeParameters(lens='estimate')
+    assert camera.known(SHAPE, settings) is None
+    model = camera.follow(ARCS, SHAPE, settings)
+    assert camera.known(SHAPE, settings) == model
+    # Nothing of images of another size, until some have come; then nothing of these.
+    assert camera.known((240, 320), settings) is None
+    assert camera.follow(ARCS.scaled(2), (960, 1280), settings).shape == (960, 1280)
+    assert camera.known(SHAPE, settings) is None
+    # What is fixed is known of images of any size, before the first one.
+    settings = NodeParameters(lens='fixed', lens_lambda=-0.7)
+    assert camera.known((3, 5), settings) == DivisionModel(-0.7, (3, 5), (2.0, 1.0))
 
 
 def test_camera_info():

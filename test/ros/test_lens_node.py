@@ -1,4 +1,4 @@
-"""The lens, estimated live: of the detector as a process over real DDS."""
+"""The lens, estimated live and made use of: of the detector as a process over real DDS."""
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
@@ -7,10 +7,11 @@ import cv2
 from diagnostic_msgs.msg import DiagnosticStatus
 import numpy as np
 import pytest
-from qflsd_ros.core import DivisionModel
+from qflsd_ros.core import Arcs, Detector, DivisionModel
+from qflsd_ros.core.tracking import LensTracker
 from qflsd_ros.ros import outputs
 from qflsd_ros.sources import Scene
-from rig import BLACK, image, Rig, values
+from rig import BLACK, image, Rig, same, values
 
 if TYPE_CHECKING:
     from conftest import Peer
@@ -34,7 +35,8 @@ def straightened(lam: float) -> np.ndarray:
 
 
 def test_the_lens_is_estimated_fixed_and_off(peer: Peer) -> None:
-    rig = Rig(peer, listen=('arcs', 'camera_info', 'rectified', 'segments')).ready()
+    rig = Rig(peer, listen=('arcs', 'camera_info', 'rectified', 'segments'), lens='estimate'
+              ).ready()
     rig.show(image(BLACK), 'no lens: the lens is not known yet')
     assert rig.report('no lens').level == DiagnosticStatus.WARN
 
@@ -69,3 +71,50 @@ def test_the_lens_is_estimated_fixed_and_off(peer: Peer) -> None:
     rig.show(image(BLACK), 'no lens: parameter lens is off')
     assert np.isnan(outputs.records(rig.detect(image(ROOM.image(400)), 'arcs'))['straight']).all()
     assert not rig.change(lens='maybe')[0].successful
+
+
+def differ(arcs: Arcs, others: Arcs) -> bool:
+    return len(arcs) != len(others) or not np.array_equal(arcs.table, others.table)
+
+
+def test_a_fixed_lens_is_made_use_of(peer: Peer) -> None:
+    gray, lens = ROOM.image(400), DivisionModel(-0.4, (480, 640))
+    plain, known = Detector().detect(gray), Detector().detect(gray, lens=lens)
+    assert differ(plain, known)
+    rig = Rig(peer, '-p', 'lens_lambda:=-0.4', lens='fixed').ready()
+    assert same(rig.detect(image(gray)), known.polylines(0.1))
+    assert rig.change(lens='off')[0].successful
+    assert same(rig.detect(image(gray)), plain.polylines(0.1))
+
+    assert all(result.successful for result in rig.change(
+        lens='fixed', lens_centre_x=300.0, max_width=320))
+    gray = gray[:-1]    # the last row fills no block
+    small = cv2.resize(gray[:-1], (320, 239), interpolation=cv2.INTER_AREA)
+    lens = DivisionModel(-0.4, (479, 640), (300.0, 239.0)).reduced(2)
+    known = Detector().detect(small, lens=lens)
+    assert differ(known, Detector().detect(small))
+    assert same(rig.detect(image(gray)), known.scaled(2).polylines(0.1))
+
+
+def test_what_the_frames_before_tell_is_made_use_of(peer: Peer) -> None:
+    """Nobody listens to anything about the lens; the camera changes its size, and back."""
+    rig = Rig(peer, lens='estimate').ready()
+    rig.detect(image(BLACK))
+    pictures = [ROOM.image(number) for number in (400, 410, 420)]
+    half = [np.ascontiguousarray(gray[::2, ::2]) for gray in pictures]
+    shown = {}
+    for gray in pictures + half + pictures[:2]:
+        message = image(gray)
+        shown[message.header.stamp.sec] = gray
+        rig.detect(message)     # may come to the detector several times, each with an answer
+
+    detector, tracker, uses = Detector(), LensTracker(), []
+    for answer in rig.received['segments']:
+        gray = shown.get(answer.header.stamp.sec, BLACK)
+        estimate = tracker.estimate
+        known = estimate.model if estimate and estimate.model.shape == gray.shape else None
+        arcs = detector.detect(gray, lens=known)
+        assert same(answer, arcs.polylines(0.1))
+        uses.append(known is not None and differ(arcs, detector.detect(gray)))
+        tracker.add(arcs, gray.shape)
+    assert sum(uses) >= 4

@@ -67,7 +67,7 @@ def watch(rig: Rig, seconds: float) -> list[Sample]:
 
 
 def test_soak(peer: Peer) -> None:
-    rig = Rig(peer).ready()
+    rig = Rig(peer, lens='estimate').ready()
     rig.settle()
     before = rig.published
     samples = watch(rig, SECONDS)
