@@ -49,19 +49,25 @@ def check(owner: Any) -> None:
             raise ValueError(f'{field.name} is {value}: must lie in {low} to {high}{unit}')
 
 
-def _of_type(field: dataclasses.Field[Any], value: Any) -> Any:
-    wanted = type(field.default)
+def meant(field: dataclasses.Field[Any], value: Any) -> Any:
+    """Return a value as the type of its field, where one of another type says the same."""
     if isinstance(value, np.generic):
         value = value.item()
-    if type(value) is int and wanted in (int, float):
-        if value.bit_length() > LONGEST:
-            raise ValueError(f'{field.name} is an integer of {value.bit_length()} bits: must lie '
-                             f'in {field.metadata["low"]} to {field.metadata["high"]}')
-        value = wanted(value)
+    if type(value) is int and isinstance(field.default, float) and value.bit_length() <= LONGEST:
+        return float(value)
+    if value is False and field.metadata['choices'] and 'off' in field.metadata['choices']:
+        return 'off'    # which YAML reads as a truth value
+    return value
+
+
+def _of_type(field: dataclasses.Field[Any], value: Any) -> Any:
+    wanted, value = type(field.default), meant(field, value)
+    if type(value) is int and wanted in (int, float) and value.bit_length() > LONGEST:
+        raise ValueError(f'{field.name} is an integer of {value.bit_length()} bits: must lie '
+                         f'in {field.metadata["low"]} to {field.metadata["high"]}')
     if type(value) is not wanted:
-        hint = ', in YAML within quotes' if wanted is str else ''  # there, off is a truth value
         raise TypeError(f'{field.name} is {value!r}, of type {type(value).__name__}: '
-                        f'must be of type {wanted.__name__}{hint}')
+                        f'must be of type {wanted.__name__}')
     if wanted is float and not math.isfinite(value):
         raise ValueError(f'{field.name} is {value}: must be finite')
     return value

@@ -13,7 +13,7 @@ import numpy as np
 from qflsd_ros.core.arcs import Arcs
 from qflsd_ros.core.estimation import COLUMNS, estimate_from, LensEstimate, observe
 
-MEMORY = 300            # frames that tell the lens, after which one of them counts 1 / e
+MEMORY = 100            # frames that tell the lens, after which one of them counts 1 / e
 START = 30              # frames that are all looked at
 EVERY = 16              # later the first of so many, as long as they tell the same lens
 ROOM = 300              # arcs kept of frames that do not tell the lens alone

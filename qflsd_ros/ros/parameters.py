@@ -10,7 +10,7 @@ import difflib
 import json
 from typing import Any, Callable, Iterable, Mapping, Sequence, TypeVar
 
-from qflsd_ros.core.parameters import Parameters
+from qflsd_ros.core.parameters import meant, Parameters
 from qflsd_ros.ros.node_parameters import NodeParameters
 from rcl_interfaces.msg import (
     FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult)
@@ -160,10 +160,10 @@ def _replaced(current: Sequence[Settings], values: Mapping[str, Any]) -> list[Se
 
 
 def _widened(change: RosParameter, kinds: Sequence[type]) -> RosParameter:
-    is_float = any(field.name == change.name and isinstance(field.default, float)
-                   for kind in kinds for field in dataclasses.fields(kind))
-    if is_float and change.type_ is RosParameter.Type.INTEGER:
-        return RosParameter(change.name, value=float(change.value))
+    for field in (field for kind in kinds for field in dataclasses.fields(kind)):
+        value = meant(field, change.value)
+        if field.name == change.name and type(value) is not type(change.value):
+            return RosParameter(change.name, value=value)
     return change
 
 

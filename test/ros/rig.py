@@ -72,7 +72,7 @@ class Rig:
         peer.node.create_subscription(
             DiagnosticArray, '/diagnostics',
             lambda message: self.reports.extend(message.status), 10)
-        self.process: Process = peer.run(*NODE, *arguments, '-p', f"lens:='{lens}'",
+        self.process: Process = peer.run(*NODE, *arguments, '-p', f'lens:={lens}',
                                          **environment)
 
     def listen(self, output: str) -> Any:

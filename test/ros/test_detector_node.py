@@ -202,7 +202,7 @@ def test_a_misspelt_parameter_is_told_with_the_right_name(peer: Peer) -> None:
 
 @pytest.mark.parametrize('argument, texts', [
     ('tolerance:=99.0', ['tolerance is 99.0', '0.1 to 10.0 px']),
-    ('lens:=off', ['lens is False', 'must be of type str, in YAML within quotes']),
+    ('lens:=on', ['lens is True', 'must be of type str']),
     ('tolerance:=wide', ["tolerance is 'wide'", 'float']),
     ('image_transport:=theora', ['image_transport', 'raw, compressed']),
     ('use_sim_time:=7', ['use_sim_time', 'BOOL']),

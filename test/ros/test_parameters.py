@@ -112,6 +112,15 @@ def test_changes_are_applied_together_or_not_at_all(context: Context) -> None:
         Parameters(contrast_low=40.0, contrast_high=60.0, max_gap=1.0), new[1])
 
 
+def test_off_is_a_choice_though_yaml_reads_it_as_false(context: Context) -> None:
+    host = Host(context, {'lens': False})
+    assert host.applied == [(Parameters(), NodeParameters(lens='off'))]
+    assert host.change(lens='estimate') == ''
+    assert host.change(lens=False) == ''
+    assert host.get_parameter('lens').value == 'off'
+    assert 'STRING' in host.change(lens=True)
+
+
 def test_an_integer_will_do_for_a_floating_point_number(context: Context) -> None:
     host = Host(context, {})
     assert host.change(tolerance=2) == ''
