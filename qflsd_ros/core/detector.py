@@ -76,27 +76,23 @@ class Detector:
             if mask is not None:
                 raise ValueError('mask is given: method paper has none, leave it out or use arcs')
             return paper.detect(gray, self.parameters)
-        blur_sigma, grain, low, high = self._look(gray)
-        count = self._find_chains(gray, mask, blur_sigma, low, high)
-        pieces = self._extract(count, grain, high)
+        grain = noise.estimate(gray)
+        blur_sigma = noise.blur(self.parameters.blur_sigma, grain)
+        grain = noise.of_gradient(grain, blur_sigma)
+        count, clear = self._find_chains(gray, mask, blur_sigma, grain)
+        pieces = self._extract(count, grain, clear)
         return self._assemble(pieces, lens)
 
-    def _look(self, gray: np.ndarray) -> tuple[float, float, float, float]:
-        """Return the blur that an image needs, its gradient's noise, and low and high contrast."""
-        parameters, grain = self.parameters, noise.estimate(gray)
-        blur_sigma = noise.blur(parameters.blur_sigma, grain)
-        grain = noise.of_gradient(grain, blur_sigma)
-        scale = contrast.scale(contrast.estimate(gray), grain, parameters.contrast_high)
-        return (blur_sigma, grain, scale * parameters.contrast_low,
-                scale * parameters.contrast_high)
-
     def _find_chains(self, gray: np.ndarray, mask: np.ndarray | None, blur_sigma: float,
-                     low: float, high: float) -> int:
-        """Leave the chains in memory; return their number (Step 1)."""
+                     grain: float) -> tuple[int, float]:
+        """Leave the chains in memory; return their number and a clear contrast (Step 1)."""
         if self._memory.shape != gray.shape:
             self._memory = _Memory(*gray.shape)
         memory = self._memory
         edges.gradients(gray, blur_sigma, memory.blurred, memory.dx, memory.dy)
+        # Only now: what is read line by line has the image in the cache by then.
+        scale = contrast.scale(contrast.estimate(gray), grain, self.parameters.contrast_high)
+        low, high = scale * self.parameters.contrast_low, scale * self.parameters.contrast_high
         dx, dy = memory.dx.reshape(-1), memory.dy.reshape(-1)
         magnitude = memory.magnitude.reshape(-1)
         memory.reserve(edges.find(memory.dx, memory.dy, low, high, memory.magnitude,
@@ -107,7 +103,7 @@ class Detector:
                              memory.xs, memory.ys, memory.offsets)
         edges.locate(dx, dy, magnitude, gray.shape[1], memory.xs, memory.ys,
                      memory.offsets[count], high, memory.points)
-        return count
+        return count, high
 
     def _extract(self, chain_count: int, grain: float, clear: float) -> joining.Pieces:
         """Find the pieces of arcs in all chains (Steps 2 to 5)."""
