@@ -98,13 +98,13 @@ def _overlay(result: Result) -> Image:
 
 
 def _camera_info(result: Result) -> CameraInfo:
-    return lens.camera_info(result.header, lens.known(result.lens, result.settings),
+    return lens.camera_info(result.header, lens.required(result.lens, result.settings),
                             result.settings.focal_length)
 
 
 def _rectified(result: Result) -> PointCloud2:
     return outputs.rectified(result.header, result.arcs,
-                             lens.known(result.lens, result.settings))
+                             lens.required(result.lens, result.settings))
 
 
 OUTPUTS = (

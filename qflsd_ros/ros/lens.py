@@ -90,7 +90,7 @@ def described(model: DivisionModel, focal_length: float) -> Calibration:
     return calibration(model, focal_length)
 
 
-def known(model: DivisionModel | None, settings: NodeParameters) -> DivisionModel:
+def required(model: DivisionModel | None, settings: NodeParameters) -> DivisionModel:
     """Return the lens; LensError where it is not known."""
     if model is None:
         raise LensError('no lens', UNKNOWN[settings.lens])

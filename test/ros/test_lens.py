@@ -79,7 +79,7 @@ def test_camera_info():
     (NodeParameters(lens='estimate'), 'the lens is not known yet')])
 def test_a_lens_that_is_not_known(settings, text):
     with pytest.raises(lens.LensError, match=text) as error:
-        lens.known(None, settings)
+        lens.required(None, settings)
     assert error.value.reason == 'no lens'
     model = DivisionModel(-0.4, SHAPE)
-    assert lens.known(model, settings) is model
+    assert lens.required(model, settings) is model
