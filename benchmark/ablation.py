@@ -47,7 +47,8 @@ def _chains(gray: np.ndarray, parameters: Parameters) -> list[np.ndarray]:
 
     def tapped(*arguments: Any) -> int:
         count = trace(*arguments)
-        xs, ys, offsets = _named(trace, arguments, 'xs', 'ys', 'offsets')
+        pixels, offsets = _named(trace, arguments, 'pixels', 'offsets')
+        ys, xs = np.divmod(pixels[:offsets[count]], gray.shape[1])
         found.extend(np.column_stack([xs[a:b], ys[a:b]]).astype(float)
                      for a, b in zip(offsets[:count], offsets[1:count + 1]))
         return count
@@ -60,8 +61,8 @@ def _chains(gray: np.ndarray, parameters: Parameters) -> list[np.ndarray]:
 def _whole_pixels(*arguments: Any) -> None:
     """Locate edges at the middles of their pixels."""
     _LOCATE(*arguments)
-    xs, ys, n, points = _named(_LOCATE, arguments, 'xs', 'ys', 'n', 'points')
-    points[0, :n], points[1, :n] = xs[:n], ys[:n]
+    width, pixels, n, points = _named(_LOCATE, arguments, 'width', 'pixels', 'n', 'points')
+    points[1, :n], points[0, :n] = np.divmod(pixels[:n], width)
 
 
 _LOCATE = edges.locate

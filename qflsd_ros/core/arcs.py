@@ -12,7 +12,7 @@ TABLE = np.dtype([
     ('curvature', np.float64),      # 1/px, > 0 where travel turns from the x axis to the y axis
     ('length', np.float64),         # px, along the arc
     ('rms', np.float64),            # px, of the distances of the edge points from the arc
-    ('support', np.int32),          # number of edge points that belong to the arc
+    ('support', np.int64),          # number of edge points that belong to the arc
     ('curvature_std', np.float64),  # 1/px, standard deviation; of 0 where the arc is straight
     ('offset_std', np.float64),     # px, standard deviation of the position across, at the middle
     ('score', np.float64),          # -log10 of the number of false alarms (see validation)

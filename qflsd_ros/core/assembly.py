@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,18 +11,65 @@ from qflsd_ros.core.arcs import (
     Arcs, COLUMNS, CONTRAST, CURVATURE, CURVATURE_STD, END, LENGTH, MIDDLE, OFFSET_STD, POLARITY,
     RMS, SCORE, START, SUPPORT, TABLE)
 from qflsd_ros.core.compilation import compiled, inlined
-from qflsd_ros.core.joining import Joined, Pieces
+from qflsd_ros.core.edges import SOBEL_GAIN
+from qflsd_ros.core.joining import Joined, MOST_TURN, Pieces
 from qflsd_ros.core.separation import separate
-from qflsd_ros.core.validation import (ALIGNED, BY_CHANCE, LOOKS, score, SIGNS, STEPS, STRONG,
-                                       WEIGHT)
+from qflsd_ros.core.validation import (ALIGNED, BY_CHANCE, LOOKS, NOISE_ALIGNED, score, SIGNS,
+                                       STEPS, STRONG, WEIGHT, witness, WITNESSES)
+
+FARTHEST = 10           # px by which an end goes on beyond the last edge pixel
+TURNED = math.sin(math.radians(14.0))   # of the angle between gradient and normal there
 
 
-@compiled
-def _geometry(fits: np.ndarray, arc: int, ends: np.ndarray, first: int, last: int,
+class Scene(NamedTuple):
+    """What an arc is compared with."""
+
+    points: np.ndarray      # (4, E) float32, as :func:`edges.locate` leaves them
+    dx: np.ndarray          # (H, W) int16 gradients
+    dy: np.ndarray
+    clear: float            # contrast of a clear edge, grey levels
+    noise: float            # standard deviation of dx and dy, grey levels
+
+
+@inlined
+def _goes_on(x: float, y: float, tx: float, ty: float, scene: Scene) -> bool:
+    """Return whether there is an edge at a point, in the direction (tx, ty)."""
+    column, row = int(x + 0.5), int(y + 0.5)
+    if not (0 <= x <= scene.dx.shape[1] - 1 and 0 <= y <= scene.dx.shape[0] - 1):
+        return False
+    gx, gy = scene.dx[row, column] / SOBEL_GAIN, scene.dy[row, column] / SOBEL_GAIN
+    size = math.sqrt(gx * gx + gy * gy)
+    aligned = abs(gx * tx + gy * ty) <= TURNED * size + NOISE_ALIGNED * scene.noise
+    return size >= scene.clear and aligned
+
+
+@inlined
+def _extended(fits: np.ndarray, arc: int, x: float, y: float, from_x: float, from_y: float,
+              scene: Scene) -> tuple[float, float]:
+    """
+    Return where the end (x, y) of an arc that comes from another point goes on to.
+
+    Edge pixels end where the gradient begins to turn towards another edge, and before the border
+    of the image.  The edge itself goes on as long as the gradient is at right angles to it.
+    """
+    _, _, tx, ty = circle.foot(fits, arc, x, y)
+    if tx * (x - from_x) + ty * (y - from_y) < 0:
+        tx, ty = -tx, -ty
+    for _ in range(FARTHEST):
+        u, v, ux, uy = circle.foot(fits, arc, x + tx, y + ty)
+        if ux * tx + uy * ty < 0:
+            ux, uy = -ux, -uy
+        if not _goes_on(u, v, ux, uy, scene):
+            break
+        x, y, tx, ty = u, v, ux, uy
+    u, v, _, _ = circle.foot(fits, arc, x + tx / 2, y + ty / 2)
+    return u, v
+
+
+@inlined
+def _geometry(fits: np.ndarray, arc: int, x0: float, y0: float, x1: float, y1: float,
               rows: np.ndarray) -> None:
-    """Write what follows from a fit and the two ends of pieces between which it lies."""
-    x0, y0, _, _ = circle.foot(fits, arc, ends[first, 0], ends[first, 1])
-    x1, y1, _, _ = circle.foot(fits, arc, ends[last, 0], ends[last, 1])
+    """Write where an arc is, which begins and ends at two points of a fitted curve."""
     cx, cy, mx, my = x1 - x0, y1 - y0, (x0 + x1) / 2, (y0 + y1) / 2
     chord = math.sqrt(cx * cx + cy * cy)
     gx = 2 * fits[arc, 2] * (mx - fits[arc, 0]) + fits[arc, 3]
@@ -38,11 +86,30 @@ def _geometry(fits: np.ndarray, arc: int, ends: np.ndarray, first: int, last: in
     rows[arc, END], rows[arc, END + 1] = x1, y1
     rows[arc, CURVATURE] = turn * bend if bend > 0 else 0.0
     rows[arc, LENGTH] = 2 * half / bend if half > 1e-9 else chord
-    rows[arc, RMS] = math.sqrt(fits[arc, 6] / fits[arc, 7])
-    # The fit's count is a sum of quadrature weights: whole up to rounding.
-    rows[arc, SUPPORT] = np.rint(fits[arc, 7])
-    rows[arc, CURVATURE_STD] = 2 * math.sqrt(fits[arc, 8])
-    rows[arc, OFFSET_STD] = math.sqrt(fits[arc, 9])
+
+
+@inlined
+def _inside(rows: np.ndarray, arc: int, height: int, width: int) -> bool:
+    """Return whether an arc lies in the image, within half a pixel."""
+    for place in (START, MIDDLE, END):
+        x, y = rows[arc, place], rows[arc, place + 1]
+        if not (-0.5 <= x <= width - 0.5 and -0.5 <= y <= height - 0.5):
+            return False
+    return True
+
+
+@inlined
+def _extend(fits: np.ndarray, arc: int, scene: Scene, rows: np.ndarray) -> None:
+    """Let both ends of an arc go on as far as its edge does."""
+    if (rows[arc, LENGTH] + 2 * FARTHEST) * abs(rows[arc, CURVATURE]) > MOST_TURN:
+        return
+    x0, y0 = rows[arc, START], rows[arc, START + 1]
+    x1, y1 = rows[arc, END], rows[arc, END + 1]
+    u0, v0 = _extended(fits, arc, x0, y0, x1, y1, scene)
+    u1, v1 = _extended(fits, arc, x1, y1, x0, y0, scene)
+    _geometry(fits, arc, u0, v0, u1, v1, rows)
+    if not _inside(rows, arc, *scene.dx.shape):
+        _geometry(fits, arc, x0, y0, x1, y1, rows)
 
 
 @inlined
@@ -95,25 +162,49 @@ def _orient(fits: np.ndarray, arc: int, members: np.ndarray, begin: int, end: in
 
 
 @compiled
-def _describe(piece_fits: np.ndarray, ends: np.ndarray, found: np.ndarray, members: np.ndarray,
-              begins: np.ndarray, fits: np.ndarray, min_length: float, min_score: float,
-              rows: np.ndarray, keep: np.ndarray) -> None:
-    """Fill the rows of all arcs, and mark those to keep: long enough, and no accident."""
+def _describe(ends: np.ndarray, scene: Scene, members: np.ndarray, begins: np.ndarray,
+              fits: np.ndarray, min_length: float, rows: np.ndarray, keep: np.ndarray,
+              wanted: np.ndarray) -> None:
+    """
+    Fill in what follows from the fits, and mark the arcs that are long enough, and their pieces.
+
+    What is wide of its points, as a large tolerance allows, may lie outside the image: it is none.
+    """
     for arc in range(len(keep)):
         begin, end = begins[arc], begins[arc + 1]
-        _geometry(fits, arc, ends, 2 * members[begin, 0] + members[begin, 1],
-                  2 * members[end - 1, 0] + 1 - members[end - 1, 1], rows)
-        keep[arc] = rows[arc, LENGTH] >= min_length
+        first = 2 * members[begin, 0] + members[begin, 1]
+        last = 2 * members[end - 1, 0] + 1 - members[end - 1, 1]
+        x0, y0, _, _ = circle.foot(fits, arc, ends[first, 0], ends[first, 1])
+        x1, y1, _, _ = circle.foot(fits, arc, ends[last, 0], ends[last, 1])
+        _geometry(fits, arc, x0, y0, x1, y1, rows)
+        rows[arc, RMS] = math.sqrt(fits[arc, 6] / fits[arc, 7])
+        # The fit's count is a sum of quadrature weights: whole up to rounding.
+        rows[arc, SUPPORT] = np.rint(fits[arc, 7])
+        rows[arc, CURVATURE_STD] = 2 * math.sqrt(fits[arc, 8])
+        rows[arc, OFFSET_STD] = math.sqrt(fits[arc, 9])
+        keep[arc] = rows[arc, LENGTH] >= min_length and _inside(rows, arc, *scene.dx.shape)
+        for k in range(begin, end):
+            wanted[members[k, 0]] = keep[arc]
+
+
+@compiled
+def _judge(piece_fits: np.ndarray, scene: Scene, found: np.ndarray, members: np.ndarray,
+           begins: np.ndarray, fits: np.ndarray, min_score: float, rows: np.ndarray,
+           keep: np.ndarray) -> None:
+    """Fill in what speaks for the arcs to keep, and keep those that are no accident."""
+    for arc in range(len(keep)):
+        begin, end = begins[arc], begins[arc + 1]
         if keep[arc]:
             _evidence(piece_fits, found, members, begin, end, fits, arc, rows)
             keep[arc] = rows[arc, SCORE] >= min_score
         if keep[arc]:
+            _extend(fits, arc, scene, rows)
             _orient(fits, arc, members, begin, end, rows)
 
 
 @compiled
 def _gather(runs: np.ndarray, members: np.ndarray, begins: np.ndarray, keep: np.ndarray,
-            xs: np.ndarray, ys: np.ndarray, points: np.ndarray, offsets: np.ndarray,
+            pixels: np.ndarray, width: int, points: np.ndarray, offsets: np.ndarray,
             arc_pixels: np.ndarray, arc_points: np.ndarray) -> None:
     """Copy pixels and points of the arcs to keep, in order of travel."""
     n = arcs = 0
@@ -125,35 +216,38 @@ def _gather(runs: np.ndarray, members: np.ndarray, begins: np.ndarray, keep: np.
             if members[k, 1] == 1:
                 first, last, step = last, first, -1
             for i in range(first, last + step, step):
-                arc_pixels[n, 0], arc_pixels[n, 1] = xs[i], ys[i]
+                y = pixels[i] // width
+                arc_pixels[n, 0], arc_pixels[n, 1] = pixels[i] - y * width, y
                 arc_points[n, 0], arc_points[n, 1] = points[0, i], points[1, i]
                 n += 1
         arcs += 1
         offsets[arcs] = n
 
 
-def assemble(pieces: Pieces, joined: Joined, shape: tuple[int, int], xs: np.ndarray,
-             ys: np.ndarray, points: np.ndarray, min_length: float, min_score: float,
-             min_distance: float) -> Arcs:
+def assemble(pieces: Pieces, joined: Joined, scene: Scene, pixels: np.ndarray, min_length: float,
+             min_score: float, min_distance: float) -> Arcs:
     """Return the arcs that are long enough, no accident, and not beside a longer one."""
     most = len(joined.fits)
     rows, keep = np.zeros((most, COLUMNS)), np.empty(most, np.bool_)
-    _describe(pieces.fits, pieces.ends, pieces.found, *joined, min_length, min_score, rows, keep)
+    wanted, found = np.zeros(len(pieces.runs), np.bool_), np.empty((len(pieces.runs), WITNESSES))
+    _describe(pieces.ends, scene, *joined, min_length, rows, keep, wanted)
+    witness(scene.points, pieces.runs, pieces.fits, wanted, scene.dx, scene.dy, scene.clear,
+            scene.noise, found)
+    _judge(pieces.fits, scene, found, *joined, min_score, rows, keep)
+    shape = scene.dx.shape
     if min_distance > 0:
         separate(rows, joined.fits, *shape, min_distance, keep)
     kept = rows[keep]
     count = int(kept[:, SUPPORT].sum())
     offsets = np.zeros(len(kept) + 1, np.int64)
     arc_pixels, arc_points = np.empty((count, 2), np.int32), np.empty((count, 2))
-    _gather(pieces.runs, joined.members, joined.offsets, keep, xs, ys, points, offsets,
-            arc_pixels, arc_points)
+    _gather(pieces.runs, joined.members, joined.offsets, keep, pixels, shape[1], scene.points,
+            offsets, arc_pixels, arc_points)
     return Arcs(_table(kept), arc_points, arc_pixels, offsets)
 
 
 def _table(rows: np.ndarray) -> np.ndarray:
-    table, column = np.empty(len(rows), TABLE), 0
-    for name in TABLE.names:
-        size = 2 if TABLE[name].shape else 1
-        table[name] = rows[:, column:column + size].reshape(table[name].shape)
-        column += size
+    """Return the rows as a table, in the same memory."""
+    table = rows.view(TABLE)[:, 0]
+    table['support'] = rows[:, SUPPORT]
     return table

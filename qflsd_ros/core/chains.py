@@ -21,6 +21,8 @@ UNIT_X = STEP_X / np.hypot(STEP_X, STEP_Y)
 UNIT_Y = STEP_Y / np.hypot(STEP_X, STEP_Y)
 ANY_STRONG = np.uint64(STRONG * 0x0101010101010101)     # eight edge pixels at once
 BYTE_NUMBERS = np.uint64(0x0001020304050607)
+# Of a direction (x, y) by the bits x > 0, y > 0, closest to the x axis and to the y axis.
+OCTANTS = np.array([5, 7, 3, 1, 4, 0, 4, 0, 6, 6, 2, 2], np.int64)
 MEMORY = 0.75       # share of the direction so far in the direction after the next step
 TAN_22 = math.sqrt(2) - 1       # tangent of 22.5 degrees
 
@@ -74,29 +76,25 @@ def _first(strong: np.uint64) -> int:
 @inlined
 def _octant(x: float, y: float) -> int:
     """Return the number (0 to 7) of the neighbour closest to the direction (x, y)."""
-    if abs(y) < TAN_22 * abs(x):
-        return 0 if x > 0 else 4
-    if abs(x) < TAN_22 * abs(y):
-        return 2 if y > 0 else 6
-    if x > 0:
-        return 1 if y > 0 else 7
-    return 3 if y > 0 else 5
+    flat, steep = abs(y) < TAN_22 * abs(x), abs(x) < TAN_22 * abs(y)
+    return OCTANTS[(x > 0) + 2 * (y > 0) + 4 * flat + 8 * steep]
 
 
 @inlined
-def _walk(edges: np.ndarray, steps: np.ndarray, x: int, y: int, at: int, ux: float, uy: float,
-          xs: np.ndarray, ys: np.ndarray, n: int) -> int:
-    """Follow an edge from (x, y) on, appending to xs, ys from row n; return the new n."""
-    k = _octant(ux, uy)
+def _walk(edges: np.ndarray, steps: np.ndarray, at: int, k: int, ux: float, uy: float,
+          pixels: np.ndarray, n: int) -> int:
+    """
+    Follow an edge from a pixel on, appending to ``pixels`` from row n on; return the new n.
+
+    Its direction is (ux, uy), and k that of the neighbour closest to that.
+    """
     while True:
         k = _next(edges, at, steps, k, ux, uy)
         if k < 0:
             return n
-        x += STEP_X[k]
-        y += STEP_Y[k]
         at += steps[k]
         edges[at] = 0
-        xs[n], ys[n] = x, y
+        pixels[n] = at
         n += 1
         ux = MEMORY * ux + (1 - MEMORY) * UNIT_X[k]
         uy = MEMORY * uy + (1 - MEMORY) * UNIT_Y[k]
@@ -111,22 +109,21 @@ def _turn_round(values: np.ndarray, first: int, last: int) -> None:
 
 
 @inlined
-def _chain(edges: np.ndarray, steps: np.ndarray, x: int, y: int, at: int, ux: float, uy: float,
-           xs: np.ndarray, ys: np.ndarray, n: int) -> int:
-    """Append the whole chain through the pixel (x, y) from row n on; return the new n."""
+def _chain(edges: np.ndarray, steps: np.ndarray, at: int, ux: float, uy: float,
+           pixels: np.ndarray, n: int) -> int:
+    """Append the whole chain through a pixel from row n on; return the new n."""
+    k = _octant(ux, uy)
     edges[at] = 0
-    end = _walk(edges, steps, x, y, at, ux, uy, xs, ys, n)
+    end = _walk(edges, steps, at, k, ux, uy, pixels, n)
     # Turn round what has been walked, and go on from where it began in the other direction.
-    _turn_round(xs, n, end - 1)
-    _turn_round(ys, n, end - 1)
-    xs[end], ys[end] = x, y
-    return _walk(edges, steps, x, y, at, -ux, -uy, xs, ys, end + 1)
+    _turn_round(pixels, n, end - 1)
+    pixels[end] = at
+    return _walk(edges, steps, at, (k + 4) & 7, -ux, -uy, pixels, end + 1)
 
 
 @compiled
 def trace(dx: np.ndarray, dy: np.ndarray, edges: np.ndarray, words: np.ndarray,
-          steps: np.ndarray, shortest: int, xs: np.ndarray, ys: np.ndarray,
-          offsets: np.ndarray) -> int:
+          steps: np.ndarray, shortest: int, pixels: np.ndarray, offsets: np.ndarray) -> int:
     """
     Cut an edge map into chains, each begun at a strong pixel; their pixels are taken out of it.
 
@@ -140,8 +137,9 @@ def trace(dx: np.ndarray, dy: np.ndarray, edges: np.ndarray, words: np.ndarray,
         (8,) int64, from a pixel to its neighbours, of :func:`steps`.
     shortest
         Chains of fewer pixels are dropped.
-    xs, ys
-        (E,) int32 with room for all edge pixels: the chains' pixels, one chain behind the other.
+    pixels
+        (E,) int32 with room for all edge pixels: those of the chains, y W + x, one chain behind
+        the other.
     offsets
         (E / shortest + 2,) int64: where each chain begins, and after the last one where it ends.
 
@@ -150,7 +148,6 @@ def trace(dx: np.ndarray, dy: np.ndarray, edges: np.ndarray, words: np.ndarray,
     Number of chains.
 
     """
-    width = steps[2]
     chains, n = 0, 0
     offsets[0] = 0
     for word in range(len(words)):
@@ -160,8 +157,7 @@ def trace(dx: np.ndarray, dy: np.ndarray, edges: np.ndarray, words: np.ndarray,
             gx, gy = float(dx[at]), float(dy[at])
             # Down the image first, whichever side of the edge is brighter.
             size = math.copysign(math.sqrt(gx * gx + gy * gy), gx if gx != 0 else -gy)
-            y = at // width
-            end = _chain(edges, steps, at - y * width, y, at, -gy / size, gx / size, xs, ys, n)
+            end = _chain(edges, steps, at, -gy / size, gx / size, pixels, n)
             if end - n >= shortest:
                 n = end
                 chains += 1

@@ -41,9 +41,9 @@ def _steepest(lines: np.ndarray, slopes: np.ndarray) -> None:
 
 @compiled
 def _slopes(gray: np.ndarray, slopes: np.ndarray) -> None:
-    """Write the steepest slopes along rows, and along columns: (2, LINES PIECES)."""
-    _steepest(gray, slopes[0])
-    _steepest(gray.T, slopes[1])
+    """Write the steepest slopes along rows, and along columns: (2 LINES PIECES,)."""
+    _steepest(gray, slopes[:LINES * PIECES])
+    _steepest(gray.T, slopes[LINES * PIECES:])
 
 
 def estimate(gray: np.ndarray) -> float:
@@ -54,11 +54,11 @@ def estimate(gray: np.ndarray) -> float:
     """
     if min(gray.shape) < SMALLEST:
         return 1.0
-    slopes = np.empty((2, LINES * PIECES))
+    slopes = np.empty(2 * LINES * PIECES)
     _slopes(gray, slopes)
-    place = int((1 - STRONGEST) * slopes.size)
-    strongest = float(np.partition(slopes, place, axis=None)[place])
-    return min(max(strongest / USUAL, WEAKEST), 1.0)
+    place = int((1 - STRONGEST) * len(slopes))
+    slopes.partition(place)
+    return min(max(float(slopes[place]) / USUAL, WEAKEST), 1.0)
 
 
 def scale(strength: float, noise: float, high: float) -> float:

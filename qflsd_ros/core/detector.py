@@ -14,6 +14,7 @@ from qflsd_ros.core.parameters import Parameters
 
 SHORTEST = 8                # edge points of the shortest piece that may become part of an arc
 SIGNIFICANCE = 2.3          # standard deviations from which on an arc is not straight
+MOST_PIXELS = 2 ** 31       # of an image: they are numbered in 32 bits
 SMALLEST_IMAGE = 3          # px, of a side; there are no edges in less
 
 
@@ -64,8 +65,8 @@ class Detector:
         TypeError
             ``gray`` is not an array of uint8.
         ValueError
-            ``gray`` has not two dimensions, or no pixel; ``mask`` or ``lens`` has not its shape;
-            ``mask`` is given with method paper, which knows none.
+            ``gray`` has not two dimensions, no pixel, or 2^31 and more; ``mask`` or ``lens`` has
+            not its shape; ``mask`` is given with method paper, which knows none.
 
         """
         _check(gray, mask, lens)
@@ -80,8 +81,7 @@ class Detector:
         blur_sigma = noise.blur(self.parameters.blur_sigma, grain)
         grain = noise.of_gradient(grain, blur_sigma)
         count, clear = self._find_chains(gray, mask, blur_sigma, grain)
-        pieces = self._extract(count, grain, clear)
-        return self._assemble(pieces, lens)
+        return self._assemble(self._extract(count), grain, clear, lens)
 
     def _find_chains(self, gray: np.ndarray, mask: np.ndarray | None, blur_sigma: float,
                      grain: float) -> tuple[int, float]:
@@ -94,35 +94,35 @@ class Detector:
         scale = contrast.scale(contrast.estimate(gray), grain, self.parameters.contrast_high)
         low, high = scale * self.parameters.contrast_low, scale * self.parameters.contrast_high
         dx, dy = memory.dx.reshape(-1), memory.dy.reshape(-1)
-        magnitude = memory.magnitude.reshape(-1)
-        memory.reserve(edges.find(memory.dx, memory.dy, low, high, memory.magnitude,
+        memory.reserve(edges.find(memory.dx, memory.dy, low, high, memory.magnitudes,
                                   memory.edges))
         if mask is not None:
             edges.remove(memory.dx, memory.edges, memory.blocked(mask))
         count = chains.trace(dx, dy, memory.flat, memory.words, memory.steps, SHORTEST,
-                             memory.xs, memory.ys, memory.offsets)
-        edges.locate(dx, dy, magnitude, gray.shape[1], memory.xs, memory.ys,
-                     memory.offsets[count], high, memory.points)
+                             memory.pixels, memory.offsets)
+        edges.locate(dx, dy, gray.shape[1], memory.pixels, memory.offsets[count],
+                     memory.points)
         return count, high
 
-    def _extract(self, chain_count: int, grain: float, clear: float) -> joining.Pieces:
+    def _extract(self, chain_count: int) -> joining.Pieces:
         """Find the pieces of arcs in all chains (Steps 2 to 5)."""
         memory = self._memory
         count = extraction.extract(memory.points, memory.offsets, chain_count, SHORTEST,
                                    self.parameters.tolerance, SIGNIFICANCE, self._sharpest(),
                                    memory.todo, memory.runs, memory.fits)
         return joining.describe(memory.points, memory.runs[:count], memory.fits[:count],
-                                memory.magnitude, clear, grain, memory.joining)
+                                memory.joining)
 
-    def _assemble(self, pieces: joining.Pieces, lens: DivisionModel | None) -> Arcs:
+    def _assemble(self, pieces: joining.Pieces, grain: float, clear: float,
+                  lens: DivisionModel | None) -> Arcs:
         """Join the pieces and describe the arcs (Step 6)."""
         memory, parameters = self._memory, self.parameters
         joined = joining.join(pieces, memory.joining, memory.dx, memory.dy, parameters.min_length,
                               parameters.max_gap, parameters.tolerance, SIGNIFICANCE,
                               self._sharpest(), lens)
-        return assembly.assemble(pieces, joined, memory.shape, memory.xs, memory.ys,
-                                 memory.points, parameters.min_length, parameters.min_score,
-                                 parameters.min_distance)
+        scene = assembly.Scene(memory.points, memory.dx, memory.dy, clear, grain)
+        return assembly.assemble(pieces, joined, scene, memory.pixels, parameters.min_length,
+                                 parameters.min_score, parameters.min_distance)
 
     def _sharpest(self) -> float:
         """
@@ -141,6 +141,8 @@ def _check(gray: np.ndarray, mask: np.ndarray | None, lens: DivisionModel | None
     if gray.ndim != 2 or gray.size == 0:
         raise ValueError(f'image has shape {gray.shape}: must be (height, width), both above 0; '
                          'convert colour to grey first')
+    if gray.size >= MOST_PIXELS:
+        raise ValueError(f'image has {gray.size} pixels: must be below {MOST_PIXELS}')
     if mask is not None and mask.shape != gray.shape:
         raise ValueError(f'mask has shape {mask.shape}: must be {gray.shape}, as the image')
     if lens is not None and tuple(lens.shape) != gray.shape:
@@ -155,7 +157,7 @@ class _Memory:
         self.shape = height, width
         self.blurred = np.empty(self.shape, np.uint8)
         self.dx, self.dy = np.empty(self.shape, np.int16), np.empty(self.shape, np.int16)
-        self.magnitude = np.empty(self.shape, np.float32)
+        self.magnitudes = np.empty((3, width), np.float32)
         self.flat = np.zeros((height * width + 7) // 8 * 8, np.uint8)
         self.words = self.flat.view(np.uint64)
         self.edges = self.flat[:height * width].reshape(self.shape)
@@ -171,11 +173,11 @@ class _Memory:
 
     def reserve(self, edge_pixels: int) -> None:
         """Make room for so many edge pixels, and half as many again when there was too little."""
-        if hasattr(self, 'xs') and edge_pixels <= len(self.xs):
+        if hasattr(self, 'pixels') and edge_pixels <= len(self.pixels):
             return
         size = edge_pixels + edge_pixels // 2
-        self.xs, self.ys = np.empty(size, np.int32), np.empty(size, np.int32)
-        self.points = np.empty((5, size), np.float32)
+        self.pixels = np.empty(size, np.int32)
+        self.points = np.empty((4, size), np.float32)
         most = size // SHORTEST + 2
         self.offsets = np.empty(most, np.int64)
         self.todo, self.runs = np.empty((most, 3), np.int64), np.empty((most, 2), np.int64)

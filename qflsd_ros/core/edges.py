@@ -16,6 +16,7 @@ from qflsd_ros.core.compilation import compiled, inlined
 
 SOBEL_GAIN = 4.0                # Sobel's response to a step of one grey level
 WEAK, STRONG = 1, 2             # what an edge pixel is in the edge map
+MORE = STRONG - WEAK
 MASKED = -32768                 # what dx becomes where no arc may pass; Sobel never gives it
 MASK_MARGIN = 2                 # px around what is masked in which there are no edges either
 
@@ -39,21 +40,25 @@ def gradients(gray: np.ndarray, blur_sigma: float, blurred: np.ndarray,
 
 
 @inlined
-def _magnitudes(dx: np.ndarray, dy: np.ndarray, row: int, magnitude: np.ndarray) -> None:
-    """Write the gradient's magnitude in one row."""
-    gx, gy, out = dx[row], dy[row], magnitude[row]
-    scale = np.float32(1 / SOBEL_GAIN)
-    for i in range(len(out)):
-        x, y = np.float32(gx[i]), np.float32(gy[i])
-        out[i] = scale * np.float32(math.sqrt(x * x + y * y))
+def _magnitude(gx: int, gy: int) -> np.float32:
+    """Return the gradient's magnitude in grey levels."""
+    x, y = np.float32(gx), np.float32(gy)
+    return np.float32(1 / SOBEL_GAIN) * np.float32(math.sqrt(x * x + y * y))
 
 
 @inlined
-def _thin(dx: np.ndarray, dy: np.ndarray, magnitude: np.ndarray, row: int, low: float, high: float,
-          edges: np.ndarray) -> int:
-    """Find the edge pixels of one row, and return their number."""
-    gx, gy, out = dx[row, 1:-1], dy[row, 1:-1], edges[row, 1:-1]
-    up, here, down = magnitude[row - 1, 1:-1], magnitude[row], magnitude[row + 1, 1:-1]
+def _magnitudes(gx: np.ndarray, gy: np.ndarray, magnitude: np.ndarray) -> None:
+    """Write the gradient's magnitude in one row."""
+    for i in range(len(magnitude)):
+        magnitude[i] = _magnitude(gx[i], gy[i])
+
+
+@inlined
+def _thin(gx: np.ndarray, gy: np.ndarray, above: np.ndarray, here: np.ndarray, below: np.ndarray,
+          low: float, high: float, edges: np.ndarray) -> int:
+    """Find the edge pixels of one row by its magnitudes and those beside it; return how many."""
+    gx, gy, out = gx[1:-1], gy[1:-1], edges[1:-1]
+    up, down = above[1:-1], below[1:-1]
     left, mid, right = here[:-2], here[1:-1], here[2:]
     found = np.int32(0)
     for i in range(len(out)):
@@ -62,13 +67,13 @@ def _thin(dx: np.ndarray, dy: np.ndarray, magnitude: np.ndarray, row: int, low: 
         before = ll if across_x else um
         after = rr if across_x else dm
         edge = (m > before) & (m >= after) & (m >= low)
-        out[i] = np.uint8(edge) + np.uint8(edge & (m >= high))
+        out[i] = np.uint8(edge) * np.uint8(WEAK) + np.uint8(edge & (m >= high)) * np.uint8(MORE)
         found += np.int32(edge)
     return found
 
 
 @compiled
-def find(dx: np.ndarray, dy: np.ndarray, low: float, high: float, magnitude: np.ndarray,
+def find(dx: np.ndarray, dy: np.ndarray, low: float, high: float, magnitudes: np.ndarray,
          edges: np.ndarray) -> int:
     """
     Find the pixels at which the magnitude is largest across the edge (Canny).
@@ -83,8 +88,8 @@ def find(dx: np.ndarray, dy: np.ndarray, low: float, high: float, magnitude: np.
         (H, W) int16, as :func:`gradients` leaves them; H and W at least 3.
     low, high
         Magnitudes in grey levels from which on a pixel is weak or strong.
-    magnitude
-        (H, W) float32, takes the gradient's magnitude in grey levels.
+    magnitudes
+        (3, W) float32, scratch.
     edges
         (H, W) uint8, takes WEAK or STRONG at edge pixels, 0 elsewhere and in the outermost rows
         and columns.
@@ -97,12 +102,13 @@ def find(dx: np.ndarray, dy: np.ndarray, low: float, high: float, magnitude: np.
     height, width = edges.shape
     low, high = np.float32(low), np.float32(high)
     edges[0], edges[height - 1], edges[:, 0], edges[:, width - 1] = 0, 0, 0, 0
-    _magnitudes(dx, dy, 0, magnitude)
-    _magnitudes(dx, dy, 1, magnitude)
+    _magnitudes(dx[0], dy[0], magnitudes[0])
+    _magnitudes(dx[1], dy[1], magnitudes[1])
     count = 0
     for row in range(1, height - 1):
-        _magnitudes(dx, dy, row + 1, magnitude)
-        count += _thin(dx, dy, magnitude, row, low, high, edges)
+        _magnitudes(dx[row + 1], dy[row + 1], magnitudes[(row + 1) % 3])
+        count += _thin(dx[row], dy[row], magnitudes[(row - 1) % 3], magnitudes[row % 3],
+                       magnitudes[(row + 1) % 3], low, high, edges[row])
     return count
 
 
@@ -119,8 +125,8 @@ def remove(dx: np.ndarray, edges: np.ndarray, where: np.ndarray) -> None:
 
 
 @compiled
-def locate(dx: np.ndarray, dy: np.ndarray, magnitude: np.ndarray, width: int, xs: np.ndarray,
-           ys: np.ndarray, n: int, clear: float, points: np.ndarray) -> None:
+def locate(dx: np.ndarray, dy: np.ndarray, width: int, pixels: np.ndarray, n: int,
+           points: np.ndarray) -> None:
     """
     Find the subpixel positions of edge pixels, after Devernay, and the gradients there.
 
@@ -129,30 +135,28 @@ def locate(dx: np.ndarray, dy: np.ndarray, magnitude: np.ndarray, width: int, xs
 
     Parameters
     ----------
-    dx, dy, magnitude
-        (H W,) as :func:`find` leaves them.
+    dx, dy
+        (H W,) int16 gradients.
     width
         Pixels in a row.
-    xs, ys, n
-        (E,) int32, of which the first n are the pixels; none lies on the image's border.
-    clear
-        Grey levels c, see below.
+    pixels, n
+        (E,) int32, of which the first n are edge pixels: y width + x.
     points
-        (5, E) float32, takes the positions x and y, px, the gradient in grey levels, and
-        1 / (m + c) for its magnitude m.
+        (4, E) float32, takes the positions x and y, px, and the gradient in grey levels.
 
     """
-    half, zero, one = np.float32(0.5), np.float32(0), np.float32(1)
-    scale, clear = np.float32(1 / SOBEL_GAIN), np.float32(clear)
+    half, zero, scale = np.float32(0.5), np.float32(0), np.float32(1 / SOBEL_GAIN)
+    rows = 1 / width
     for i in range(n):
-        at = ys[i] * width + xs[i]
+        at = pixels[i]
         gx, gy = np.float32(dx[at]), np.float32(dy[at])
         across_x = abs(gx) >= abs(gy)
         step = 1 if across_x else width
-        a, b, c = magnitude[at - step], magnitude[at], magnitude[at + step]
+        a, b, c = (_magnitude(dx[at - step], dy[at - step]), _magnitude(dx[at], dy[at]),
+                   _magnitude(dx[at + step], dy[at + step]))
         # Below 0, since a < b >= c.
         offset = half * (a - c) / (a - b + (c - b))
-        points[0, i] = xs[i] + (offset if across_x else zero)
-        points[1, i] = ys[i] + (zero if across_x else offset)
+        y = int((at + 0.5) * rows)
+        points[0, i] = np.float32(at - y * width) + (offset if across_x else zero)
+        points[1, i] = np.float32(y) + (zero if across_x else offset)
         points[2, i], points[3, i] = scale * gx, scale * gy
-        points[4, i] = one / (b + clear)

@@ -55,9 +55,12 @@ def _hypothesis(points: np.ndarray, first: int, last: int, begin: int, end: int,
     raw, square = circle.through(points[0, begin], points[1, begin], ox, oy,
                                  points[0, end], points[1, end], sharpest)
     most = tolerance * tolerance * square
+    farthest = 0.0
     for i in (middle, (begin + middle) // 2, (middle + end) // 2):
-        if not circle.value(raw, points[0, i] - ox, points[1, i] - oy) ** 2 < most:
-            return 0, -1
+        off = circle.value(raw, points[0, i] - ox, points[1, i] - oy)
+        farthest = max(farthest, off * off)
+    if not farthest < most:
+        return 0, -1
     return _run(circle.normalised(raw, square), ox, oy, points, first, last, middle, tolerance)
 
 

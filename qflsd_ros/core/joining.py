@@ -22,7 +22,7 @@ from qflsd_ros.core.compilation import compiled, inlined
 from qflsd_ros.core.distortion import DivisionModel
 from qflsd_ros.core.edges import MASKED, SOBEL_GAIN
 from qflsd_ros.core.neighbours import cell, Grid, OVERLAP
-from qflsd_ros.core.validation import witness, WITNESSES
+from qflsd_ros.core.order import longest_first
 
 NODES = 3
 COUNT, RSS, SIZE = 0, 1, 2      # columns of Pieces.sums, and of the same of an arc
@@ -55,7 +55,6 @@ class Pieces(NamedTuple):
     ends: np.ndarray
     nodes: np.ndarray       # (M, NODES, 2) float64, px
     sums: np.ndarray        # (M, 3) float64: edge points, residual sum of squares, length
-    found: np.ndarray       # (M, WITNESSES) float64, what speaks for it: see validation
 
 
 class Joined(NamedTuple):
@@ -94,7 +93,7 @@ class Memory:
         self.order, self.places = np.empty(2 * most, np.int64), np.empty((2 * most, 4))
         self.nodes_of_arc, self.total = np.empty((3, NODES * most)), np.empty(3)
         self.members, self.offsets = np.empty((most, 2), np.int64), np.empty(most + 1, np.int64)
-        self.fits, self.found = np.empty((most + 1, FIT_SIZE)), np.empty((most, WITNESSES))
+        self.fits = np.empty((most + 1, FIT_SIZE))
 
 
 @inlined
@@ -125,13 +124,10 @@ def _shapes(points: np.ndarray, runs: np.ndarray, fits: np.ndarray, ends: np.nda
         sums[i, SIZE] = half / abs(fits[i, 2]) if half > 1e-9 else math.sqrt(cx * cx + cy * cy)
 
 
-def describe(points: np.ndarray, runs: np.ndarray, fits: np.ndarray, magnitude: np.ndarray,
-             clear: float, noise: float, memory: Memory) -> Pieces:
+def describe(points: np.ndarray, runs: np.ndarray, fits: np.ndarray, memory: Memory) -> Pieces:
     """Describe the arcs that :func:`extraction.extract` found for joining."""
     m = len(runs)
-    pieces = Pieces(runs, fits, memory.ends[:2 * m], memory.nodes[:m], memory.sums[:m],
-                    memory.found[:m])
-    witness(points, runs, fits, magnitude, clear, noise, pieces.found)
+    pieces = Pieces(runs, fits, memory.ends[:2 * m], memory.nodes[:m], memory.sums[:m])
     _shapes(points, runs, fits, pieces.ends, pieces.nodes, pieces.sums)
     return pieces
 
@@ -177,18 +173,19 @@ def _evidence(fits: np.ndarray, which: int, x0: float, y0: float, x1: float, y1:
     steps = max(2, int(math.sqrt((x1 - x0) ** 2 + (y1 - y0) ** 2)))
     ox, oy, a, b, c, d = (fits[which, 0], fits[which, 1], fits[which, 2], fits[which, 3],
                           fits[which, 4], fits[which, 5])
+    step_x, step_y = (x1 - x0) / steps, (y1 - y0) / steps
     votes = 0
     for i in range(1, steps):
-        x, y = x0 + (x1 - x0) * i / steps - ox, y0 + (y1 - y0) * i / steps - oy
+        x, y = x0 + i * step_x - ox, y0 + i * step_y - oy
         nx, ny, off = 2 * a * x + b, 2 * a * y + c, circle.value((a, b, c, d), x, y)
         row = min(max(int(oy + y - off * ny + 0.5), 0), dx.shape[0] - 1)
         column = min(max(int(ox + x - off * nx + 0.5), 0), dx.shape[1] - 1)
         if dx[row, column] == MASKED:
             return -1.0
         gx, gy = float(dx[row, column]), float(dy[row, column])
-        across, size = gx * nx + gy * ny, math.sqrt(gx * gx + gy * gy)
-        if abs(across) > ALIGNED * size and size > SOBEL_GAIN * FAINTEST:
-            votes += 1 if across > 0 else -1
+        across, square = gx * nx + gy * ny, gx * gx + gy * gy
+        aligned = across * across > ALIGNED ** 2 * square
+        votes += (aligned & (square > (SOBEL_GAIN * FAINTEST) ** 2)) * (1 if across > 0 else -1)
     return abs(votes) / (steps - 1)
 
 
@@ -369,14 +366,6 @@ def _join(pieces: Pieces, grid: Grid, seeds: np.ndarray, taken: np.ndarray, arc:
     return arcs
 
 
-def _seeds(lengths: np.ndarray, shortest: float) -> np.ndarray:
-    """Return the pieces (S,) of at least the shortest length, px, longest first."""
-    seeds = np.flatnonzero(lengths >= shortest)
-    # Numbers that hold the length, in 1/1024 px, and the piece sort faster than an argsort.
-    keys = (-1024 * lengths[seeds]).astype(np.int64) * len(lengths) + seeds
-    return np.sort(keys) % len(lengths)
-
-
 def _known(lens: DivisionModel | None) -> tuple[Lens, float]:
     """Return a lens and the error of its lambda as :class:`Limits` has them."""
     if lens is None:
@@ -409,7 +398,8 @@ def join(pieces: Pieces, memory: Memory, dx: np.ndarray, dy: np.ndarray, min_len
     """
     m = len(pieces.sums)
     grid = neighbours.sort(pieces.ends, memory.order[:2 * m], memory.places[:2 * m], *dx.shape)
-    seeds = _seeds(pieces.sums[:, SIZE], SEED_SHARE * min_length)
+    lengths = pieces.sums[:, SIZE]
+    seeds = longest_first(lengths, lengths >= SEED_SHARE * min_length)
     memory.taken[:m] = False
     arc = Making(memory.nodes_of_arc, memory.total, memory.fits)
     limits = Limits(max_gap, tolerance, significance, sharpest, *_known(lens))

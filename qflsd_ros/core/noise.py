@@ -13,9 +13,9 @@ import math
 
 import numpy as np
 
-from qflsd_ros.core.compilation import compiled
+from qflsd_ros.core.compilation import compiled, inlined
 
-BLOCK = 8               # px, side of a block
+HEIGHT, WIDTH = 2, 32   # px, of a block: few rows, which lie far apart in memory
 ROWS, COLUMNS = 12, 16  # of blocks
 FLATTEST = 0.1          # share of the blocks that are believed to show noise alone
 BLUR = 0.08             # px for each grey level of noise
@@ -23,34 +23,37 @@ MOST_BLUR = 2.0         # px; more noise than that blur is for is texture all ov
 GAIN = math.sqrt(math.pi / 2) / 6       # standard deviation of white noise over mean response
 
 
+@inlined
+def _response(gray: np.ndarray, top: int, left: int) -> float:
+    """Return the mean absolute response in a block, or -1 where a pixel is saturated."""
+    total, darkest, brightest = np.int32(0), np.int32(255), np.int32(0)
+    for y in range(top, top + HEIGHT):
+        above, here, below = gray[y - 1], gray[y], gray[y + 1]
+        for x in range(left, left + WIDTH):
+            a = np.int32(above[x - 1]) - 2 * np.int32(above[x]) + np.int32(above[x + 1])
+            b = np.int32(here[x - 1]) - 2 * np.int32(here[x]) + np.int32(here[x + 1])
+            c = np.int32(below[x - 1]) - 2 * np.int32(below[x]) + np.int32(below[x + 1])
+            total += abs(a - 2 * b + c)
+            darkest = min(darkest, np.int32(here[x]))
+            brightest = max(brightest, np.int32(here[x]))
+    return total / (HEIGHT * WIDTH) if darkest > 0 and brightest < 255 else -1.0
+
+
 @compiled
 def _responses(gray: np.ndarray, responses: np.ndarray) -> int:
     """
     Write the mean absolute response of blocks without a saturated pixel; return their number.
 
-    ``gray`` is (H, W) uint8 with sides of at least BLOCK + 2, ``responses`` (ROWS COLUMNS,).
+    ``gray`` is (H, W) uint8, larger by 2 px than a block, ``responses`` (ROWS COLUMNS,).
     """
     height, width = gray.shape
     count = 0
     for row in range(ROWS):
-        top = 1 + row * (height - 2 - BLOCK) // (ROWS - 1)
+        top = 1 + row * (height - 2 - HEIGHT) // (ROWS - 1)
         for column in range(COLUMNS):
-            left = 1 + column * (width - 2 - BLOCK) // (COLUMNS - 1)
-            total, darkest, brightest = 0, 255, 0
-            for y in range(top, top + BLOCK):
-                for x in range(left, left + BLOCK):
-                    a = (np.int32(gray[y - 1, x - 1]) - 2 * np.int32(gray[y - 1, x])
-                         + np.int32(gray[y - 1, x + 1]))
-                    b = (np.int32(gray[y, x - 1]) - 2 * np.int32(gray[y, x])
-                         + np.int32(gray[y, x + 1]))
-                    c = (np.int32(gray[y + 1, x - 1]) - 2 * np.int32(gray[y + 1, x])
-                         + np.int32(gray[y + 1, x + 1]))
-                    total += abs(a - 2 * b + c)
-                    darkest = min(darkest, gray[y, x])
-                    brightest = max(brightest, gray[y, x])
-            if darkest > 0 and brightest < 255:
-                responses[count] = total / BLOCK ** 2
-                count += 1
+            left = 1 + column * (width - 2 - WIDTH) // (COLUMNS - 1)
+            responses[count] = _response(gray, top, left)
+            count += responses[count] >= 0
     return count
 
 
@@ -76,11 +79,12 @@ def estimate(gray: np.ndarray) -> float:
     ``gray`` is a (H, W) uint8 array.  Where there is no block to look at, since the image is too
     small or saturated everywhere, it is 0.
     """
-    if min(gray.shape) < BLOCK + 2:
+    if gray.shape[0] < HEIGHT + 2 or gray.shape[1] < WIDTH + 2:
         return 0.0
     responses = np.empty(ROWS * COLUMNS)
     count = _responses(gray, responses)
     if count == 0:
         return 0.0
     place = int(FLATTEST * count)
-    return GAIN * float(np.partition(responses[:count], place)[place])
+    responses[:count].partition(place)
+    return GAIN * float(responses[place])

@@ -13,12 +13,13 @@ import numpy as np
 
 from qflsd_ros.core.arcs import END, LENGTH, MIDDLE, START
 from qflsd_ros.core.compilation import compiled, inlined
+from qflsd_ros.core.order import longest_first
 
 PARALLEL = math.sin(math.radians(10.0))
 HIDDEN = 0.6        # share of an arc beside others from which on it is left out
 CELL = 16.0         # px, of the grid
 ENTRIES = 2         # of an arc to the grid for each length of a cell
-STEP = 4.0          # px between the places of an arc that are looked at
+STEP = 6.0          # px between the places of an arc that are looked at
 
 
 @inlined
@@ -119,9 +120,8 @@ def separate(rows: np.ndarray, fits: np.ndarray, height: int, width: int, distan
         not looked at.
 
     """
-    looked_at = np.flatnonzero(keep)
-    lengths = rows[looked_at, LENGTH]
-    order = looked_at[np.argsort(-lengths, kind='stable')]
+    lengths = rows[:, LENGTH]
+    order = longest_first(lengths, keep)
     heads = np.full((int(height / CELL) + 1, int(width / CELL) + 1), -1, np.int64)
-    most = 2 * int((2 + np.ceil(ENTRIES * lengths / CELL)).sum())
+    most = 2 * int(ENTRIES / CELL * lengths[order].sum() + 2 * len(order))
     _separate(rows, fits, order, distance, heads, np.empty((most, 2), np.int64), keep)

@@ -16,6 +16,7 @@ import math
 import numpy as np
 
 from qflsd_ros.core.compilation import compiled, inlined, summed
+from qflsd_ros.core.edges import SOBEL_GAIN
 
 SINE = math.sin(math.radians(11.25))
 NOISE_ALIGNED = 1.5                     # standard deviations of noise more
@@ -39,11 +40,11 @@ def _support(fits: np.ndarray, i: int, points: np.ndarray, first: int, last: int
     ox, oy, a, b, c = fits[i, 0], fits[i, 1], fits[i, 2], fits[i, 3], fits[i, 4]
     total, aligned, chance, steps, signs = 0.0, 0.0, 0.0, 0.0, 0.0
     for k in range(first, last + 1):
-        gx, gy = float(points[2, k]), float(points[3, k])
+        gx, gy = points[2, k], points[3, k]
         nx, ny = 2 * a * (points[0, k] - ox) + b, 2 * a * (points[1, k] - oy) + c
         across, along = gx * nx + gy * ny, gx * ny - gy * nx
         # With s = 1 / (m + c) a gradient m has the weight m / (m + c) = 1 - c s.
-        s = float(points[4, k])
+        s = 1 / (math.sqrt(gx * gx + gy * gy) + np.float32(clear))
         weight = 1 - clear * s
         most = SINE * weight + NOISE_ALIGNED * noise * s
         total += weight
@@ -58,9 +59,10 @@ def _support(fits: np.ndarray, i: int, points: np.ndarray, first: int, last: int
 
 @inlined
 def _surroundings(fits: np.ndarray, i: int, points: np.ndarray, first: int, last: int,
-                  magnitude: np.ndarray, strong: float, found: np.ndarray) -> None:
+                  dx: np.ndarray, dy: np.ndarray, strong: float, found: np.ndarray) -> None:
     """Count the places beside edge points ``first`` to ``last``, and the strong ones of them."""
-    height, width = magnitude.shape
+    height, width = dx.shape
+    least = int((SOBEL_GAIN * strong) ** 2)
     looks = hits = 0
     for k in range(first, last + 1, EVERY):
         x, y = float(points[0, k]), float(points[1, k])
@@ -69,27 +71,31 @@ def _surroundings(fits: np.ndarray, i: int, points: np.ndarray, first: int, last
         for offset in BESIDE:
             column = min(max(int(x + offset * nx + 0.5), 0), width - 1)
             row = min(max(int(y + offset * ny + 0.5), 0), height - 1)
+            gx, gy = int(dx[row, column]), int(dy[row, column])
             looks += 1
-            hits += magnitude[row, column] > strong
+            hits += gx * gx + gy * gy > least
     found[i, LOOKS], found[i, STRONG] = looks, hits
 
 
 @compiled
-def witness(points: np.ndarray, runs: np.ndarray, fits: np.ndarray, magnitude: np.ndarray,
-            clear: float, noise: float, found: np.ndarray) -> None:
+def witness(points: np.ndarray, runs: np.ndarray, fits: np.ndarray, wanted: np.ndarray,
+            dx: np.ndarray, dy: np.ndarray, clear: float, noise: float,
+            found: np.ndarray) -> None:
     """
-    Find what speaks for each piece of an arc.
+    Find what speaks for each piece of an arc that is wanted.
 
     Parameters
     ----------
     points
-        (5, E) float32, as :func:`edges.locate` leaves them.
+        (4, E) float32, as :func:`edges.locate` leaves them.
     runs, fits
         (M, 2) and (M, FIT_SIZE), as :func:`extraction.extract` leaves them.
-    magnitude
-        (H, W) float32, grey levels.
+    wanted
+        (M,) bool, the pieces to look at.
+    dx, dy
+        (H, W) int16 gradients.
     clear
-        How strong a gradient is that counts half, grey levels; the same as there.
+        How strong a gradient is that counts half, grey levels.
     noise
         Standard deviation of dx and dy, grey levels.
     found
@@ -97,10 +103,11 @@ def witness(points: np.ndarray, runs: np.ndarray, fits: np.ndarray, magnitude: n
 
     """
     for i in range(len(runs)):
-        first, last = runs[i, 0], runs[i, 1]
-        _support(fits, i, points, first, last, clear, noise, found)
-        strong = BUSY * found[i, STEPS] / (last + 1 - first)
-        _surroundings(fits, i, points, first, last, magnitude, strong, found)
+        if wanted[i]:
+            first, last = runs[i, 0], runs[i, 1]
+            _support(fits, i, points, first, last, clear, noise, found)
+            strong = BUSY * found[i, STEPS] / (last + 1 - first)
+            _surroundings(fits, i, points, first, last, dx, dy, strong, found)
 
 
 @compiled

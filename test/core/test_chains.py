@@ -25,13 +25,13 @@ def trace(edges: np.ndarray, shortest: int = 1, dx: int | np.ndarray = 3,
     flat = np.zeros((edges.size + 7) // 8 * 8, np.uint8)
     flat[:edges.size] = edges.ravel()
     size = max(np.count_nonzero(edges), 1)
-    xs, ys = np.empty(size, np.int32), np.empty(size, np.int32)
+    pixels, width = np.empty(size, np.int32), edges.shape[1]
     offsets = np.empty(size // shortest + 2, np.int64)
     gradients = (np.broadcast_to(d, edges.shape).astype(np.int16).ravel() for d in (dx, dy))
-    count = chains.trace(*gradients, flat, flat.view(np.uint64), chains.steps(edges.shape[1]),
-                         shortest, xs, ys, offsets)
+    count = chains.trace(*gradients, flat, flat.view(np.uint64), chains.steps(width), shortest,
+                         pixels, offsets)
     assert not (flat == STRONG).any()
-    return [np.column_stack([xs[a:b], ys[a:b]])
+    return [np.column_stack([pixels[a:b] % width, pixels[a:b] // width])
             for a, b in zip(offsets[:count], offsets[1:count + 1])]
 
 

@@ -19,14 +19,14 @@ def find(gray: np.ndarray, blur_sigma: float = 0.6, low: float = 5.0,
          high: float = 15.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return edge map, magnitude and the subpixel points (E, 2) of an image."""
     dx, dy = np.empty(gray.shape, np.int16), np.empty(gray.shape, np.int16)
-    magnitude, found = np.empty(gray.shape, np.float32), np.empty(gray.shape, np.uint8)
+    found, rows = np.empty(gray.shape, np.uint8), np.empty((3, gray.shape[1]), np.float32)
     edges.gradients(gray, blur_sigma, np.empty_like(gray), dx, dy)
-    count = edges.find(dx, dy, low, high, magnitude, found)
-    ys, xs = (index.astype(np.int32) for index in np.nonzero(found))
-    assert count == len(xs)
-    points = np.empty((5, count), np.float32)
-    edges.locate(dx.ravel(), dy.ravel(), magnitude.ravel(), gray.shape[1], xs, ys, count, high,
-                 points)
+    count = edges.find(dx, dy, low, high, rows, found)
+    pixels = np.flatnonzero(found).astype(np.int32)
+    assert count == len(pixels)
+    points = np.empty((4, count), np.float32)
+    edges.locate(dx.ravel(), dy.ravel(), gray.shape[1], pixels, count, points)
+    magnitude = np.hypot(dx, dy) / edges.SOBEL_GAIN
     return found, magnitude, points[:2].T.astype(float)
 
 
