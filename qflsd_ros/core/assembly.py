@@ -2,7 +2,6 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -11,59 +10,11 @@ from qflsd_ros.core.arcs import (
     Arcs, COLUMNS, CONTRAST, CURVATURE, CURVATURE_STD, END, LENGTH, MIDDLE, OFFSET_STD, POLARITY,
     RMS, SCORE, START, SUPPORT, TABLE)
 from qflsd_ros.core.compilation import compiled, inlined
-from qflsd_ros.core.edges import SOBEL_GAIN
 from qflsd_ros.core.joining import Joined, MOST_TURN, Pieces
 from qflsd_ros.core.separation import separate
-from qflsd_ros.core.validation import (ALIGNED, BY_CHANCE, LOOKS, NOISE_ALIGNED, score, SIGNS,
-                                       STEPS, STRONG, WEIGHT, witness, WITNESSES)
-
-FARTHEST = 10           # px by which an end goes on beyond the last edge pixel
-TURNED = math.sin(math.radians(14.0))   # of the angle between gradient and normal there
-
-
-class Scene(NamedTuple):
-    """What an arc is compared with."""
-
-    points: np.ndarray      # (4, E) float32, as :func:`edges.locate` leaves them
-    dx: np.ndarray          # (H, W) int16 gradients
-    dy: np.ndarray
-    clear: float            # contrast of a clear edge, grey levels
-    noise: float            # standard deviation of dx and dy, grey levels
-
-
-@inlined
-def _goes_on(x: float, y: float, tx: float, ty: float, scene: Scene) -> bool:
-    """Return whether there is an edge at a point, in the direction (tx, ty)."""
-    column, row = int(x + 0.5), int(y + 0.5)
-    if not (0 <= x <= scene.dx.shape[1] - 1 and 0 <= y <= scene.dx.shape[0] - 1):
-        return False
-    gx, gy = scene.dx[row, column] / SOBEL_GAIN, scene.dy[row, column] / SOBEL_GAIN
-    size = math.sqrt(gx * gx + gy * gy)
-    aligned = abs(gx * tx + gy * ty) <= TURNED * size + NOISE_ALIGNED * scene.noise
-    return size >= scene.clear and aligned
-
-
-@inlined
-def _extended(fits: np.ndarray, arc: int, x: float, y: float, from_x: float, from_y: float,
-              scene: Scene) -> tuple[float, float]:
-    """
-    Return where the end (x, y) of an arc that comes from another point goes on to.
-
-    Edge pixels end where the gradient begins to turn towards another edge, and before the border
-    of the image.  The edge itself goes on as long as the gradient is at right angles to it.
-    """
-    _, _, tx, ty = circle.foot(fits, arc, x, y)
-    if tx * (x - from_x) + ty * (y - from_y) < 0:
-        tx, ty = -tx, -ty
-    for _ in range(FARTHEST):
-        u, v, ux, uy = circle.foot(fits, arc, x + tx, y + ty)
-        if ux * tx + uy * ty < 0:
-            ux, uy = -ux, -uy
-        if not _goes_on(u, v, ux, uy, scene):
-            break
-        x, y, tx, ty = u, v, ux, uy
-    u, v, _, _ = circle.foot(fits, arc, x + tx / 2, y + ty / 2)
-    return u, v
+from qflsd_ros.core.tips import extended, FARTHEST
+from qflsd_ros.core.validation import (
+    ALIGNED, BY_CHANCE, Evidence, LOOKS, score, SIGNS, STEPS, STRONG, WEIGHT, witness, WITNESSES)
 
 
 @inlined
@@ -99,16 +50,16 @@ def _inside(rows: np.ndarray, arc: int, height: int, width: int) -> bool:
 
 
 @inlined
-def _extend(fits: np.ndarray, arc: int, scene: Scene, rows: np.ndarray) -> None:
+def _extend(fits: np.ndarray, arc: int, evidence: Evidence, rows: np.ndarray) -> None:
     """Let both ends of an arc go on as far as its edge does."""
     if (rows[arc, LENGTH] + 2 * FARTHEST) * abs(rows[arc, CURVATURE]) > MOST_TURN:
         return
     x0, y0 = rows[arc, START], rows[arc, START + 1]
     x1, y1 = rows[arc, END], rows[arc, END + 1]
-    u0, v0 = _extended(fits, arc, x0, y0, x1, y1, scene)
-    u1, v1 = _extended(fits, arc, x1, y1, x0, y0, scene)
+    u0, v0 = extended(fits, arc, x0, y0, x1, y1, evidence)
+    u1, v1 = extended(fits, arc, x1, y1, x0, y0, evidence)
     _geometry(fits, arc, u0, v0, u1, v1, rows)
-    if not _inside(rows, arc, *scene.dx.shape):
+    if not _inside(rows, arc, *evidence.dx.shape):
         _geometry(fits, arc, x0, y0, x1, y1, rows)
 
 
@@ -162,7 +113,7 @@ def _orient(fits: np.ndarray, arc: int, members: np.ndarray, begin: int, end: in
 
 
 @compiled
-def _describe(ends: np.ndarray, scene: Scene, members: np.ndarray, begins: np.ndarray,
+def _describe(ends: np.ndarray, evidence: Evidence, members: np.ndarray, begins: np.ndarray,
               fits: np.ndarray, min_length: float, rows: np.ndarray, keep: np.ndarray,
               wanted: np.ndarray) -> None:
     """
@@ -182,13 +133,13 @@ def _describe(ends: np.ndarray, scene: Scene, members: np.ndarray, begins: np.nd
         rows[arc, SUPPORT] = np.rint(fits[arc, 7])
         rows[arc, CURVATURE_STD] = 2 * math.sqrt(fits[arc, 8])
         rows[arc, OFFSET_STD] = math.sqrt(fits[arc, 9])
-        keep[arc] = rows[arc, LENGTH] >= min_length and _inside(rows, arc, *scene.dx.shape)
+        keep[arc] = rows[arc, LENGTH] >= min_length and _inside(rows, arc, *evidence.dx.shape)
         for k in range(begin, end):
             wanted[members[k, 0]] = keep[arc]
 
 
 @compiled
-def _judge(piece_fits: np.ndarray, scene: Scene, found: np.ndarray, members: np.ndarray,
+def _judge(piece_fits: np.ndarray, evidence: Evidence, found: np.ndarray, members: np.ndarray,
            begins: np.ndarray, fits: np.ndarray, min_score: float, rows: np.ndarray,
            keep: np.ndarray) -> None:
     """Fill in what speaks for the arcs to keep, and keep those that are no accident."""
@@ -198,7 +149,7 @@ def _judge(piece_fits: np.ndarray, scene: Scene, found: np.ndarray, members: np.
             _evidence(piece_fits, found, members, begin, end, fits, arc, rows)
             keep[arc] = rows[arc, SCORE] >= min_score
         if keep[arc]:
-            _extend(fits, arc, scene, rows)
+            _extend(fits, arc, evidence, rows)
             _orient(fits, arc, members, begin, end, rows)
 
 
@@ -224,24 +175,23 @@ def _gather(runs: np.ndarray, members: np.ndarray, begins: np.ndarray, keep: np.
         offsets[arcs] = n
 
 
-def assemble(pieces: Pieces, joined: Joined, scene: Scene, pixels: np.ndarray, min_length: float,
-             min_score: float, min_distance: float) -> Arcs:
+def assemble(pieces: Pieces, joined: Joined, evidence: Evidence, pixels: np.ndarray,
+             min_length: float, min_score: float, min_distance: float) -> Arcs:
     """Return the arcs that are long enough, no accident, and not beside a longer one."""
     most = len(joined.fits)
     rows, keep = np.zeros((most, COLUMNS)), np.empty(most, np.bool_)
     wanted, found = np.zeros(len(pieces.runs), np.bool_), np.empty((len(pieces.runs), WITNESSES))
-    _describe(pieces.ends, scene, *joined, min_length, rows, keep, wanted)
-    witness(scene.points, pieces.runs, pieces.fits, wanted, scene.dx, scene.dy, scene.clear,
-            scene.noise, found)
-    _judge(pieces.fits, scene, found, *joined, min_score, rows, keep)
-    shape = scene.dx.shape
+    _describe(pieces.ends, evidence, *joined, min_length, rows, keep, wanted)
+    witness(evidence, pieces.runs, pieces.fits, wanted, found)
+    _judge(pieces.fits, evidence, found, *joined, min_score, rows, keep)
+    shape = evidence.dx.shape
     if min_distance > 0:
         separate(rows, joined.fits, *shape, min_distance, keep)
     kept = rows[keep]
     count = int(kept[:, SUPPORT].sum())
     offsets = np.zeros(len(kept) + 1, np.int64)
     arc_pixels, arc_points = np.empty((count, 2), np.int32), np.empty((count, 2))
-    _gather(pieces.runs, joined.members, joined.offsets, keep, pixels, shape[1], scene.points,
+    _gather(pieces.runs, joined.members, joined.offsets, keep, pixels, shape[1], evidence.points,
             offsets, arc_pixels, arc_points)
     return Arcs(_table(kept), arc_points, arc_pixels, offsets)
 

@@ -11,6 +11,7 @@ from qflsd_ros.core.arcs import Arcs
 from qflsd_ros.core.circle import FIT_SIZE
 from qflsd_ros.core.distortion import DivisionModel
 from qflsd_ros.core.parameters import Parameters
+from qflsd_ros.core.validation import Evidence
 
 SHORTEST = 8                # edge points of the shortest piece that may become part of an arc
 SIGNIFICANCE = 2.3          # standard deviations from which on an arc is not straight
@@ -120,8 +121,8 @@ class Detector:
         joined = joining.join(pieces, memory.joining, memory.dx, memory.dy, parameters.min_length,
                               parameters.max_gap, parameters.tolerance, SIGNIFICANCE,
                               self._sharpest(), lens)
-        scene = assembly.Scene(memory.points, memory.dx, memory.dy, clear, grain)
-        return assembly.assemble(pieces, joined, scene, memory.pixels, parameters.min_length,
+        evidence = Evidence(memory.points, memory.dx, memory.dy, clear, grain)
+        return assembly.assemble(pieces, joined, evidence, memory.pixels, parameters.min_length,
                                  parameters.min_score, parameters.min_distance)
 
     def _sharpest(self) -> float:

@@ -12,6 +12,7 @@ Points count in full only where the gradient is strong: the weaker, the more it 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,6 +32,16 @@ EVERY = 8               # edge points from one look to the next
 # grey levels; the points where P grows with the grey level, less the rest; the places beside the
 # arc that were looked at, and those that are strong.
 WEIGHT, ALIGNED, BY_CHANCE, STEPS, SIGNS, LOOKS, STRONG, WITNESSES = range(8)
+
+
+class Evidence(NamedTuple):
+    """What an arc is compared with."""
+
+    points: np.ndarray      # (4, E) float32, as :func:`edges.locate` leaves them
+    dx: np.ndarray          # (H, W) int16 gradients
+    dy: np.ndarray
+    clear: float            # how strong a gradient is that counts half, grey levels
+    noise: float            # standard deviation of dx and dy, grey levels
 
 
 @summed
@@ -78,30 +89,24 @@ def _surroundings(fits: np.ndarray, i: int, points: np.ndarray, first: int, last
 
 
 @compiled
-def witness(points: np.ndarray, runs: np.ndarray, fits: np.ndarray, wanted: np.ndarray,
-            dx: np.ndarray, dy: np.ndarray, clear: float, noise: float,
+def witness(evidence: Evidence, runs: np.ndarray, fits: np.ndarray, wanted: np.ndarray,
             found: np.ndarray) -> None:
     """
     Find what speaks for each piece of an arc that is wanted.
 
     Parameters
     ----------
-    points
-        (4, E) float32, as :func:`edges.locate` leaves them.
+    evidence
+        Of the image.
     runs, fits
         (M, 2) and (M, FIT_SIZE), as :func:`extraction.extract` leaves them.
     wanted
         (M,) bool, the pieces to look at.
-    dx, dy
-        (H, W) int16 gradients.
-    clear
-        How strong a gradient is that counts half, grey levels.
-    noise
-        Standard deviation of dx and dy, grey levels.
     found
         (M, WITNESSES) float64, takes what is found.
 
     """
+    points, dx, dy, clear, noise = evidence
     for i in range(len(runs)):
         if wanted[i]:
             first, last = runs[i, 0], runs[i, 1]

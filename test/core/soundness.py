@@ -3,7 +3,7 @@ from __future__ import annotations
 
 from finding import project, samples
 import numpy as np
-from qflsd_ros.core import Arcs, assembly, contrast, edges, noise, Parameters
+from qflsd_ros.core import Arcs, contrast, edges, noise, Parameters, tips
 
 ACROSS = 0.5        # least cosine of the angle between a gradient and what counts as across
 EPSILON = 1e-3      # grey levels, of rounding
@@ -75,5 +75,5 @@ def assert_along(line: np.ndarray, points: np.ndarray, parameters: Parameters) -
     off, place = project(points, line)
     assert off.max() < 4 * parameters.tolerance
     assert np.diff(place).min(initial=0) > -6
-    ends = 4 + assembly.FARTHEST
+    ends = 4 + tips.FARTHEST
     assert place[0] < ends and place[-1] > project(line[-1:], line)[1] - ends
