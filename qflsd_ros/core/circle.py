@@ -78,8 +78,21 @@ def through(x0: float, y0: float, x1: float, y1: float, x2: float, y2: float,
 
 
 @inlined
+def pictured(x0: float, y0: float, x1: float, y1: float, lam: float) -> tuple[Circle, float]:
+    """
+    Return the picture of the straight edge through two points, and its gradient's squared length.
+
+    It is not normalised, as in :func:`through`.  The points are given in px relative to the centre
+    of the lens, which is the circle's origin, and ``lam`` is lambda in 1/px^2: A = lambda D.
+    """
+    w0, w1 = 1 + lam * (x0 * x0 + y0 * y0), 1 + lam * (x1 * x1 + y1 * y1)
+    B, C, D = y0 * w1 - y1 * w0, x1 * w0 - x0 * w1, x0 * y1 - x1 * y0
+    return (lam * D, B, C, D), B * B + C * C - 4 * lam * D * D
+
+
+@inlined
 def normalised(circle: Circle, square: float) -> Circle:
-    """Divide a circle of which D or A is 0 by the length of its gradient."""
+    """Divide a circle by the length of its gradient, of which the square is given."""
     scale = 1 / math.sqrt(square)
     return circle[0] * scale, circle[1] * scale, circle[2] * scale, circle[3] * scale
 

@@ -8,7 +8,7 @@ import numpy as np
 from qflsd_ros.core import (
     assembly, chains, contrast, edges, extraction, joining, noise, paper)
 from qflsd_ros.core.arcs import Arcs
-from qflsd_ros.core.circle import FIT_SIZE
+from qflsd_ros.core.circle import FIT_SIZE, NO_LENS
 from qflsd_ros.core.distortion import DivisionModel
 from qflsd_ros.core.parameters import Parameters
 from qflsd_ros.core.validation import Evidence
@@ -54,8 +54,8 @@ class Detector:
             it is looked at when another one comes.
         lens
             Through which the image was taken, if that is known, for instance by the arcs of the
-            frame before: pieces are joined over longer gaps and to their own kind, and short arcs
-            are bent as it says.  Method paper makes no use of it.
+            frame before: two points make a hypothesis, pieces are joined over longer gaps and to
+            their own kind, and short arcs are bent as it says.  Method paper makes no use of it.
 
         Returns
         -------
@@ -82,7 +82,7 @@ class Detector:
         blur_sigma = noise.blur(self.parameters.blur_sigma, grain)
         grain = noise.of_gradient(grain, blur_sigma)
         count, clear = self._find_chains(gray, mask, blur_sigma, grain)
-        return self._assemble(self._extract(count), grain, clear, lens)
+        return self._assemble(self._extract(count, lens), grain, clear, lens)
 
     def _find_chains(self, gray: np.ndarray, mask: np.ndarray | None, blur_sigma: float,
                      grain: float) -> tuple[int, float]:
@@ -105,12 +105,13 @@ class Detector:
                      memory.points)
         return count, high
 
-    def _extract(self, chain_count: int) -> joining.Pieces:
+    def _extract(self, chain_count: int, lens: DivisionModel | None) -> joining.Pieces:
         """Find the pieces of arcs in all chains (Steps 2 to 5)."""
         memory = self._memory
         count = extraction.extract(memory.points, memory.offsets, chain_count, SHORTEST,
                                    self.parameters.tolerance, SIGNIFICANCE, self._sharpest(),
-                                   memory.todo, memory.runs, memory.fits)
+                                   NO_LENS if lens is None else lens.in_pixels,
+                                   lens is not None, memory.todo, memory.runs, memory.fits)
         return joining.describe(memory.points, memory.runs[:count], memory.fits[:count],
                                 memory.joining)
 

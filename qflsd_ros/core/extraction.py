@@ -2,8 +2,10 @@
 Steps 2 to 5: arcs out of chains, by hypothesis and verification.
 
 A hypothesis is the circle through three points of a window of a chain: its ends and its middle.
-It is verified outward from the middle and dropped at the first misfit.  The longest run is
-refitted by least squares and grown again, then taken out, and the pieces left are searched on.
+With a known lens it is the picture of the straight edge through its ends alone.  It is verified
+outward from the middle and dropped at the first misfit.  The longest run is refitted by least
+squares, as a circle of any curvature, and grown again, then taken out, and the pieces left are
+searched on.
 
 Windows have spans n, n / 2, n / 4, ... and begin every half span, so that each run of a chain that
 is at least 1.5 spans long contains a whole window: at that span the probability P^K of equation
@@ -17,7 +19,7 @@ import math
 import numpy as np
 
 from qflsd_ros.core import circle
-from qflsd_ros.core.circle import NO_LENS
+from qflsd_ros.core.circle import Lens, NO_LENS
 from qflsd_ros.core.compilation import compiled, inlined
 
 # Points times curvature of an arc at most: points are up to 1.41 px apart, and the picture of a
@@ -47,13 +49,25 @@ def _run(model: circle.Circle, ox: float, oy: float, points: np.ndarray,
 
 
 @inlined
-def _hypothesis(points: np.ndarray, first: int, last: int, begin: int, end: int,
-                tolerance: float, sharpest: float) -> tuple[int, int]:
+def _model(points: np.ndarray, begin: int, middle: int, end: int, sharpest: float, lens: Lens,
+           known: bool) -> tuple[circle.Circle, float, float, float]:
+    """Return the circle through a window, its gradient's squared length, and its origin."""
+    if known:
+        lam, x, y = lens
+        raw, square = circle.pictured(points[0, begin] - x, points[1, begin] - y,
+                                      points[0, end] - x, points[1, end] - y, lam)
+        return raw, square, x, y
+    raw, square = circle.through(points[0, begin], points[1, begin], points[0, middle],
+                                 points[1, middle], points[0, end], points[1, end], sharpest)
+    return raw, square, points[0, middle], points[1, middle]
+
+
+@inlined
+def _hypothesis(points: np.ndarray, first: int, last: int, begin: int, end: int, tolerance: float,
+                sharpest: float, lens: Lens, known: bool) -> tuple[int, int]:
     """Return the run within first to last that fits the circle through a window, or (0, -1)."""
     middle = (begin + end) // 2
-    ox, oy = points[0, middle], points[1, middle]
-    raw, square = circle.through(points[0, begin], points[1, begin], ox, oy,
-                                 points[0, end], points[1, end], sharpest)
+    raw, square, ox, oy = _model(points, begin, middle, end, sharpest, lens, known)
     most = tolerance * tolerance * square
     farthest = 0.0
     for i in (middle, (begin + middle) // 2, (middle + end) // 2):
@@ -65,14 +79,15 @@ def _hypothesis(points: np.ndarray, first: int, last: int, begin: int, end: int,
 
 
 @inlined
-def _longest(points: np.ndarray, first: int, last: int, span: int,
-             tolerance: float, sharpest: float) -> tuple[int, int]:
+def _longest(points: np.ndarray, first: int, last: int, span: int, tolerance: float,
+             sharpest: float, lens: Lens, known: bool) -> tuple[int, int]:
     """Return the longest run that a window of ``span`` points finds within first to last."""
     best_lo, best_hi = 0, -1
     begin = first
     while True:
         begin = min(begin, last - span + 1)
-        lo, hi = _hypothesis(points, first, last, begin, begin + span - 1, tolerance, sharpest)
+        lo, hi = _hypothesis(points, first, last, begin, begin + span - 1, tolerance, sharpest,
+                             lens, known)
         if hi - lo > best_hi - best_lo:
             best_lo, best_hi = lo, hi
         if begin == last - span + 1:
@@ -108,7 +123,7 @@ def _refit(points: np.ndarray, first: int, last: int, lo: int, hi: int,
 
 @inlined
 def _arc(points: np.ndarray, first: int, last: int, span: int, shortest: int, tolerance: float,
-         significance: float, sharpest: float, fits: np.ndarray,
+         significance: float, sharpest: float, lens: Lens, known: bool, fits: np.ndarray,
          row: int) -> tuple[int, int, int]:
     """
     Return the longest run within first to last that is an arc, and the span that found it.
@@ -117,7 +132,7 @@ def _arc(points: np.ndarray, first: int, last: int, span: int, shortest: int, to
     """
     span = min(span, last - first + 1)
     while span >= shortest:
-        lo, hi = _longest(points, first, last, span, tolerance, sharpest)
+        lo, hi = _longest(points, first, last, span, tolerance, sharpest, lens, known)
         if hi - lo + 1 >= span:
             lo, hi = _refit(points, first, last, lo, hi, tolerance, significance, sharpest, fits,
                             row)
@@ -131,7 +146,7 @@ def _arc(points: np.ndarray, first: int, last: int, span: int, shortest: int, to
 
 @compiled
 def extract(points: np.ndarray, offsets: np.ndarray, chains: int, shortest: int,
-            tolerance: float, significance: float, sharpest: float,
+            tolerance: float, significance: float, sharpest: float, lens: Lens, known: bool,
             todo: np.ndarray, runs: np.ndarray, fits: np.ndarray) -> int:
     """
     Find the arcs of all chains.
@@ -150,6 +165,8 @@ def extract(points: np.ndarray, offsets: np.ndarray, chains: int, shortest: int,
         Curvature counts from this multiple of its standard deviation on.
     sharpest
         Largest curvature of an arc, 1/px.
+    lens, known
+        How the image is distorted, and whether that is known.
     todo
         (R, 3) int64, scratch; R >= E / shortest + 1.
     runs
@@ -173,7 +190,7 @@ def extract(points: np.ndarray, offsets: np.ndarray, chains: int, shortest: int,
             waiting -= 1
             first, last = todo[waiting, 0], todo[waiting, 1]
             lo, hi, span = _arc(points, first, last, todo[waiting, 2], shortest, tolerance,
-                                significance, sharpest, fits, found)
+                                significance, sharpest, lens, known, fits, found)
             if hi < lo:
                 continue
             runs[found, 0], runs[found, 1] = lo, hi

@@ -62,6 +62,21 @@ def test_through_three_points(place, angle, radius, side, length):
         assert abs(circle.distance(model, x, y)) < 1e-6
 
 
+@given(lambdas, angles, st.floats(-200, 200), st.floats(10, 100), st.floats(0.1, 0.9))
+def test_the_picture_of_a_straight_edge_through_two_points(lam, angle, away, half, share):
+    lens = DivisionModel(lam, SHAPE)
+    u = np.array([np.cos(angle), np.sin(angle)])
+    start, end = (lens.origin + along * u + away * np.array([-u[1], u[0]])
+                  for along in (-half, half))
+    straight = lens.undistort(np.array([start, end]))
+    between = lens.distort(share * straight[0] + (1 - share) * straight[1])
+    start, end, between = start - lens.origin, end - lens.origin, between - lens.origin
+    model = circle.normalised(*circle.pictured(*start, *end, lens.in_pixels[0]))
+    assert np.isclose(model[1] ** 2 + model[2] ** 2 - 4 * model[0] * model[3], 1)
+    for point in (start, end, between):
+        assert abs(circle.distance(model, *point)) < 1e-6
+
+
 @given(places, angles, radii, st.floats(-30, 30), st.floats(-0.5, 0.5))
 def test_distance_from_a_circle(place, angle, radius, away, share):
     model = through(arc(place, angle, radius, 80, 3))

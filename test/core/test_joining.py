@@ -195,7 +195,8 @@ def test_a_wheel_is_no_picture_of_a_straight_edge(lam, radius):
         assert np.allclose(1 / np.abs(on['curvature']), radius, rtol=0.01)
         assert on['length'].max() > 2.3 * radius
         assert on['length'].sum() > 2 * np.pi * radius - 60
-    assert len(known) == len(usual)
+    # Hypotheses are pictures of straight edges then, of which a small wheel has short ones only.
+    assert len(known) <= len(usual) + 1
 
 
 @pytest.mark.parametrize('lam', [-0.4, 0.0])
