@@ -29,6 +29,7 @@ from sensor_msgs.msg import Image, PointCloud2
 
 LAM = -0.25
 FRAMES = 8              # different ones, again and again
+ROUNDS = 5              # in which what is compared is measured in turn
 DETECTOR = 'import sys; from qflsd_ros.ros.__main__ import detector; sys.exit(detector())'
 ON_ONE_CORE = 'import os; os.sched_setaffinity(0, {max(os.sched_getaffinity(0))}); ' + DETECTOR
 # The least that a node of rclpy can do: answer each image with as many bytes as the segments take.
@@ -56,7 +57,7 @@ class Camera(Node):
     """Shows frames to a node at a rate, and takes the time of every answer."""
 
     def __init__(self, context: Context, images: list[Image], topic: str) -> None:
-        super().__init__('benchmark', context=context)
+        super().__init__('benchmark', context=context, enable_rosout=False)
         self.totals: list[float] = []
         self.counts: dict[str, str] = {}
         self.process: subprocess.Popen[bytes] | None = None
@@ -129,13 +130,13 @@ def pictures(width: int, height: int) -> list[np.ndarray]:
     return [room(i, LAM, (height, width)).gray for i in range(FRAMES)]
 
 
-def detection(grays: list[np.ndarray], seconds: float, rate: float) -> float:
-    """Return the median CPU time of the detection, ms, at the pace of the camera."""
+def detection(grays: list[np.ndarray], seconds: float, rate: float) -> list[float]:
+    """Return the CPU times of the detection, ms, at the pace of the camera."""
     detector, times = Detector(), []
     for gray in itertools.islice(itertools.cycle(grays), int(seconds * rate)):
-        times.append(run(detector.detect, gray)[0])
+        times.append(1e3 * run(detector.detect, gray)[0])
         time.sleep(1 / rate)  # as in the node, caches have gone cold in between
-    return 1e3 * float(np.median(times[FRAMES:]))
+    return times[FRAMES:]
 
 
 def breakdown(seconds: float) -> str:
@@ -143,14 +144,15 @@ def breakdown(seconds: float) -> str:
     width, height, encoding, rate, topic = LOADS[0]
     grays = pictures(width, height)
     images = [message(gray, encoding) for gray in grays]
-    alone = detection(grays, seconds, rate)
-    with camera(ECHO, images, topic) as to:
-        to.play(seconds, rate)
-        echo = float(np.median(to.totals))
-    with camera(DETECTOR, images, topic) as to:
-        to.play(seconds, rate)
-        total = float(np.median(to.totals))
+    times: dict[str, list[float]] = {'alone': [], 'echo': [], 'total': []}
+    with camera(ECHO, images, topic) as to_echo, camera(DETECTOR, images, topic) as to:
+        for _ in range(ROUNDS):     # in turn, so that changes of the machine's speed hit all alike
+            times['alone'] += detection(grays, seconds / ROUNDS, rate)
+            for name, node in (('echo', to_echo), ('total', to)):
+                node.play(seconds / ROUNDS, rate)
+                times[name] += node.totals
         latency, age = (float(to.counts[f'{key} median (ms)']) for key in ('latency', 'age'))
+    alone, echo, total = (float(np.median(times[name])) for name in ('alone', 'echo', 'total'))
     rows = [('from stamp to received', total),
             ('of that: from stamp to arrival in the node (publishing, DDS, rclpy)', age - latency),
             ('of that: from arrival to published', latency),
