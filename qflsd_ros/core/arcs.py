@@ -36,7 +36,8 @@ class Arcs:
     Attributes
     ----------
     table
-        Structured array (M,) of dtype :data:`TABLE`, a row for every arc.
+        Structured array (M,) of dtype :data:`TABLE`, a row for every arc.  An arc ends where its
+        edge does, which goes on for some px beyond the outermost edge points.
     edge_points
         (N, 2) float64, the subpixel edge points of all arcs, in order along each of them.
     edge_pixels

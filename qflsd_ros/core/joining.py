@@ -37,10 +37,10 @@ ALIGNED = math.cos(math.radians(22.5))      # of the angle between gradient and 
 FAINTEST = 1.0          # grey levels, of a gradient that counts in a gap
 FREE = 8.0              # px, longest gap that needs no evidence
 FREE_SHARE = 0.2        # the same as a share of the shorter piece
-EVIDENCE_SLOPE = 0.3   # evidence needed for each length of the shorter piece beyond that
+EVIDENCE_SLOPE = 0.3    # evidence needed for each length of the shorter piece beyond that
 EVIDENCE = 0.55         # evidence that suffices for any gap
-LENS_ERROR = 0.02       # of a known lambda, and by which real lenses leave the division model
-STRAY = 0.25            # px, sagitta by which real edges are bent
+KNOWN_ERROR = 0.02      # of a known lambda, and by which real lenses leave the division model
+BOW = 0.25              # px, sagitta by which real edges are bent
 BENT = 3.0              # standard deviations from which on an arc is no picture of a straight edge
 EASE = 0.6              # share of the evidence that is needed for the picture of a straight edge
 SEED_SHARE = 0.8        # shortest piece from which an arc is made, of the shortest arc reported
@@ -196,7 +196,7 @@ def _is_straight(fits: np.ndarray, i: int, length: float, limits: Limits) -> boo
     dx, dy = x - fits[i, 0], y - fits[i, 1]
     part = circle.at_centre(lam, dx, dy, fits[i, 3], fits[i, 4], fits[i, 5])
     by_lens = limits.lens_error * part / (1 - lam * (dx * dx + dy * dy))
-    by_stray = 4 * STRAY / (length * length)
+    by_stray = 4 * BOW / (length * length)
     variance = fits[i, 8] + by_lens * by_lens + by_stray * by_stray
     return (fits[i, 2] - lam * part) ** 2 < BENT * BENT * variance
 
@@ -370,7 +370,7 @@ def _known(lens: DivisionModel | None) -> tuple[Lens, float]:
     """Return a lens and the error of its lambda as :class:`Limits` has them."""
     if lens is None:
         return circle.NO_LENS, math.inf
-    error = LENS_ERROR * (1 - lens.lam / 3) ** 2    # as far off in the picture for any lambda
+    error = KNOWN_ERROR * (1 - lens.lam / 3) ** 2    # as far off in the picture for any lambda
     return lens.in_pixels, error / lens.half_diagonal ** 2
 
 
