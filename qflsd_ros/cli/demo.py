@@ -123,7 +123,8 @@ def run(arguments: argparse.Namespace) -> None:
         gallery = stack.enter_context(Gallery(arguments.output, interval))
         shows = [gallery.show]
         if arguments.video:
-            shows.append(stack.enter_context(Film(arguments.video)).show)
+            film = stack.enter_context(Film(arguments.video))
+            shows.append(lambda pixels, _: film.show(pixels))
         processes = stack.enter_context(Processes(commands(arguments.input)))
         rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
         observer = Observer(shows)

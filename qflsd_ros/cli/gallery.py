@@ -4,7 +4,6 @@ from __future__ import annotations
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 import time
-import zlib
 
 import cv2
 import numpy as np
@@ -16,7 +15,8 @@ class Gallery:
     """
     Writes pictures as PNG in a thread of its own.
 
-    What was shown before is left, and what comes too early or while another one is being written.
+    What was shown before is left, what is of nothing known, and what comes too early or while
+    another one is being written.
     A context manager: everything taken is written on leaving.
 
     Attributes
@@ -45,16 +45,19 @@ class Gallery:
         self._thread.shutdown()
         self._collect()
 
-    def show(self, pixels: np.ndarray) -> None:
-        """Take a picture, (H, W, 3) uint8 B, G, R; OSError where the one before failed."""
+    def show(self, pixels: np.ndarray, source: int | None) -> None:
+        """
+        Take a picture, (H, W, 3) uint8 B, G, R, of a source; OSError where the one before failed.
+
+        Sources are told apart by their numbers.
+        """
         now = time.monotonic()
         if now - self._last < self._interval or self._writing and not self._writing.done():
             return
         self._collect()
-        check = zlib.crc32(pixels)
-        if check in self._known:
+        if source is None or source in self._known:
             return
-        self._known.add(check)
+        self._known.add(source)
         self._last = now
         self.paths.append(self._folder / f'{len(self.paths) + 1:04d}.png')
         self._writing = self._thread.submit(_write, self.paths[-1], pixels)

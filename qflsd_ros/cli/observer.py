@@ -4,6 +4,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 import time
 from typing import Callable, Iterable
+import zlib
 
 from builtin_interfaces.msg import Time
 import numpy as np
@@ -12,6 +13,7 @@ from rclpy.qos import qos_profile_sensor_data, QoSProfile
 from sensor_msgs.msg import Image, PointCloud2
 
 RECORDED = 60.0  # s; older stamps come from a recording and say nothing of latency
+REMEMBERED = 64     # newest images of which it is known what they show
 
 
 @dataclass
@@ -51,12 +53,18 @@ class Observer(Node):
 
     """
 
-    def __init__(self, shows: Iterable[Callable[[np.ndarray], None]]) -> None:
-        """Call all of ``shows`` with every overlay: (H, W, 3) uint8 B, G, R."""
+    def __init__(self, shows: Iterable[Callable[[np.ndarray, int | None], None]]) -> None:
+        """
+        Call all of ``shows`` with every overlay, (H, W, 3) uint8 B, G, R, and what it is of.
+
+        That is the CRC of the image that was sent, which is the same whenever that is sent again,
+        though more may be found in it once the lens is known; None where it did not come here.
+        """
         super().__init__('demo')
         self.counts: Counts | None = None
         self._shows = shows
         self._newest: Time | None = None
+        self._images: dict[tuple[int, int], int] = {}       # CRC by stamp
         reliable = QoSProfile(depth=5)
         self.create_subscription(Image, 'image', self._count_frame, qos_profile_sensor_data)
         self.create_subscription(PointCloud2, 'detector/segments', self._count_result, reliable)
@@ -73,7 +81,10 @@ class Observer(Node):
         age = None if self._newest is None else _since(self._newest)
         return 'age (recorded)' if age is None else f'age {age * 1e3:5.1f} ms'
 
-    def _count_frame(self, _: Image) -> None:
+    def _count_frame(self, message: Image) -> None:
+        self._images[_key(message.header.stamp)] = zlib.crc32(message.data)
+        if len(self._images) > REMEMBERED:
+            del self._images[next(iter(self._images))]
         if self.counts is not None:
             self.counts.frames += 1
 
@@ -94,7 +105,11 @@ class Observer(Node):
         rows = np.frombuffer(message.data, np.uint8).reshape(message.height, message.step)
         pixels = rows[:, :3 * message.width].reshape(message.height, message.width, 3)
         for show in self._shows:
-            show(pixels)
+            show(pixels, self._images.get(_key(message.header.stamp)))
+
+
+def _key(stamp: Time) -> tuple[int, int]:
+    return stamp.sec, stamp.nanosec
 
 
 def _since(stamp: Time) -> float | None:
