@@ -156,7 +156,7 @@ def locate(dx: np.ndarray, dy: np.ndarray, width: int, pixels: np.ndarray, n: in
                    _magnitude(dx[at + step], dy[at + step]))
         # Below 0, since a < b >= c.
         offset = half * (a - c) / (a - b + (c - b))
-        y = int((at + 0.5) * rows)
+        y = int((at + 0.5) * rows)      # exact for any number of 32 bits, and no division
         points[0, i] = np.float32(at - y * width) + (offset if across_x else zero)
         points[1, i] = np.float32(y) + (zero if across_x else offset)
         points[2, i], points[3, i] = scale * gx, scale * gy
