@@ -12,6 +12,7 @@ import signal
 import socket
 import sys
 import time
+from typing import Callable
 
 from qflsd_ros.cli.film import Film
 from qflsd_ros.cli.gallery import Gallery
@@ -23,6 +24,7 @@ from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 
 PATIENCE = 120.0  # s until the first result must have come; the first start ever compiles
+SPIN = 0.1  # s, after which it is looked whether a signal has come
 STILLS_RATE = 10.0  # Hz, of still images: each one's picture is to be written
 FAILED, USAGE, INTERRUPTED = 1, 2, 130  # exit codes
 
@@ -91,33 +93,56 @@ def commands(source: str | None) -> dict[str, list[str]]:
     return {'camera': camera, 'detector': [sys.executable, '-m', 'qflsd_ros.ros', 'detector']}
 
 
-def await_result(executor: Executor, observer: Observer, processes: Processes) -> None:
-    """Spin until the first result has come; DemoError where none comes."""
+def note_signals() -> Callable[[], None]:
+    """
+    Note SIGINT, SIGTERM and SIGHUP; return what raises KeyboardInterrupt once one has come.
+
+    Raised while a message is taken over, it comes out of rclpy as an error; and the processes are
+    to be ended without interruption.
+    """
+    noted: list[int] = []
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, lambda number, _: noted.append(number))
+
+    def check() -> None:
+        if noted:
+            raise KeyboardInterrupt
+
+    return check
+
+
+def await_result(executor: Executor, observer: Observer, processes: Processes,
+                 check: Callable[[], None]) -> None:
+    """Spin until an image and a result have come; DemoError where they do not."""
     deadline = time.monotonic() + PATIENCE
     while observer.counts is None:
-        executor.spin_once(0.1)
+        executor.spin_once(SPIN)
+        check()
         if not processes.running():
             raise DemoError('the camera ended before the first result')
         if time.monotonic() > deadline:
-            raise DemoError(f'no result came within {PATIENCE:.0f} s')
+            raise DemoError(f'no image with its result came within {PATIENCE:.0f} s')
 
 
-def watch(executor: Executor, observer: Observer, processes: Processes, seconds: float) -> Counts:
+def watch(executor: Executor, observer: Observer, processes: Processes, seconds: float,
+          check: Callable[[], None]) -> Counts:
     """Print a line a second for a while, or until the camera ends; return what came in all."""
     total, begin, number = Counts(), time.monotonic(), 0
     while number < seconds and processes.running():
         number += 1
         end = begin + min(number, seconds)
         while (left := end - time.monotonic()) > 0:
-            executor.spin_once(left)
+            executor.spin_once(min(left, SPIN))
+            check()
         counts = observer.take()
         total.add(counts)
         print(f'{number:3d} s: {counts}, {observer.age()}', flush=True)
+    check()     # Ctrl-C ends the camera as well
     return total
 
 
-def run(arguments: argparse.Namespace) -> None:
-    """Run camera, detector and observer, and say what came of it."""
+def run(arguments: argparse.Namespace, check: Callable[[], None]) -> None:
+    """Run camera, detector and observer, and say what came of it; ``check`` is called often."""
     interval = 0.0 if shows_stills(arguments.input) else 1.0
     with ExitStack() as stack:
         gallery = stack.enter_context(Gallery(arguments.output, interval))
@@ -130,8 +155,8 @@ def run(arguments: argparse.Namespace) -> None:
         observer = Observer(shows)
         executor = SingleThreadedExecutor()
         executor.add_node(observer)
-        await_result(executor, observer, processes)
-        total = watch(executor, observer, processes, arguments.seconds)
+        await_result(executor, observer, processes, check)
+        total = watch(executor, observer, processes, arguments.seconds, check)
         executor.shutdown()
         observer.destroy_node()
         rclpy.shutdown()
@@ -144,29 +169,16 @@ def run(arguments: argparse.Namespace) -> None:
         print(f'video in {arguments.video}')
 
 
-def end_on_signals() -> None:
-    """Make SIGINT, SIGTERM and SIGHUP a KeyboardInterrupt, the first time that one comes."""
-    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-
-    def interrupt(*_: object) -> None:
-        for number in numbers:
-            signal.signal(number, signal.SIG_IGN)  # ending the processes must not be interrupted
-        raise KeyboardInterrupt
-
-    for number in numbers:
-        signal.signal(number, interrupt)
-
-
 def main(args: list[str] | None = None) -> int:
     """Run the command; return its exit code."""
     arguments = parse(args)
-    end_on_signals()
+    check = note_signals()
     try:
         os.environ.update(ROS_DOMAIN_ID=str(free_domain()),
                           ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST')
         print(f'Starting camera and detector, ROS_DOMAIN_ID={os.environ["ROS_DOMAIN_ID"]} '
               '(the first time ever, compiling takes half a minute) ...', flush=True)
-        run(arguments)
+        run(arguments, check)
     except (DemoError, ProcessError) as error:
         print(f'demo: {error}', file=sys.stderr)
         return error.code if isinstance(error, ProcessError) else FAILED

@@ -49,7 +49,7 @@ class Observer(Node):
     Attributes
     ----------
     counts
-        What came since :meth:`take`; None before the first result.
+        What came since :meth:`take`; None before an image and a result have come.
 
     """
 
@@ -89,6 +89,8 @@ class Observer(Node):
             self.counts.frames += 1
 
     def _count_result(self, message: PointCloud2) -> None:
+        if not self._images:
+            return      # DDS may tell of the detector seconds before it tells of the camera
         if self.counts is None:
             self.counts = Counts(frames=1)
         self.counts.results += 1
