@@ -16,6 +16,7 @@ from typing import Callable
 
 from qflsd_ros.cli.film import Film
 from qflsd_ros.cli.gallery import Gallery
+from qflsd_ros.cli.interruption import noted
 from qflsd_ros.cli.observer import Counts, Observer
 from qflsd_ros.cli.processes import ProcessError, Processes
 from qflsd_ros.sources.files import IMAGE_SUFFIXES
@@ -93,24 +94,6 @@ def commands(source: str | None) -> dict[str, list[str]]:
     return {'camera': camera, 'detector': [sys.executable, '-m', 'qflsd_ros.ros', 'detector']}
 
 
-def note_signals() -> Callable[[], None]:
-    """
-    Note SIGINT, SIGTERM and SIGHUP; return what raises KeyboardInterrupt once one has come.
-
-    Raised while a message is taken over, it comes out of rclpy as an error; and the processes are
-    to be ended without interruption.
-    """
-    noted: list[int] = []
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, lambda number, _: noted.append(number))
-
-    def check() -> None:
-        if noted:
-            raise KeyboardInterrupt
-
-    return check
-
-
 def await_result(executor: Executor, observer: Observer, processes: Processes,
                  check: Callable[[], None]) -> None:
     """Spin until an image and a result have come; DemoError where they do not."""
@@ -172,7 +155,7 @@ def run(arguments: argparse.Namespace, check: Callable[[], None]) -> None:
 def main(args: list[str] | None = None) -> int:
     """Run the command; return its exit code."""
     arguments = parse(args)
-    check = note_signals()
+    check = noted(signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
     try:
         os.environ.update(ROS_DOMAIN_ID=str(free_domain()),
                           ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST')

@@ -1,9 +1,27 @@
-"""Ctrl-C while worker processes run: noted at once, acted upon where nothing is held."""
+"""Ctrl-C and the like: noted at once, acted upon where nothing is held."""
 from __future__ import annotations
 
 from contextlib import contextmanager
 import signal
 from typing import Callable, Iterator
+
+
+def noted(*numbers: signal.Signals) -> Callable[[], None]:
+    """
+    Note signals from now on; return a function that raises KeyboardInterrupt once one has come.
+
+    Raised while rclpy takes a message over, it comes out as another error; and processes are to be
+    ended without interruption.
+    """
+    came: list[int] = []
+    for number in numbers:
+        signal.signal(number, lambda number, _: came.append(number))
+
+    def check() -> None:
+        if came:
+            raise KeyboardInterrupt
+
+    return check
 
 
 @contextmanager
@@ -16,14 +34,14 @@ def deferred() -> Iterator[Callable[[], None]]:
 
     :returns: a function that raises KeyboardInterrupt if SIGINT has come
     """
-    noted: list[int] = []
+    handler = signal.getsignal(signal.SIGINT)
+    came = noted(signal.SIGINT)
 
     def check() -> None:
-        # Threads that are older than the mask may have taken the signal.
-        if noted or signal.SIGINT in signal.sigpending():
+        came()      # to a thread that is older than the mask
+        if signal.SIGINT in signal.sigpending():
             raise KeyboardInterrupt
 
-    handler = signal.signal(signal.SIGINT, lambda number, frame: noted.append(number))
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # inherited by processes
     try:
         yield check

@@ -196,8 +196,8 @@ def _is_straight(fits: np.ndarray, i: int, length: float, limits: Limits) -> boo
     dx, dy = x - fits[i, 0], y - fits[i, 1]
     part = circle.at_centre(lam, dx, dy, fits[i, 3], fits[i, 4], fits[i, 5])
     by_lens = limits.lens_error * part / (1 - lam * (dx * dx + dy * dy))
-    by_stray = 4 * BOW / (length * length)
-    variance = fits[i, 8] + by_lens * by_lens + by_stray * by_stray
+    by_bow = 4 * BOW / (length * length)
+    variance = fits[i, 8] + by_lens * by_lens + by_bow * by_bow
     return (fits[i, 2] - lam * part) ** 2 < BENT * BENT * variance
 
 
@@ -370,7 +370,7 @@ def _known(lens: DivisionModel | None) -> tuple[Lens, float]:
     """Return a lens and the error of its lambda as :class:`Limits` has them."""
     if lens is None:
         return circle.NO_LENS, math.inf
-    error = KNOWN_ERROR * (1 - lens.lam / 3) ** 2    # as far off in the picture for any lambda
+    error = KNOWN_ERROR * (1 - lens.lam / 3) ** 2   # as far off in the picture for any lambda
     return lens.in_pixels, error / lens.half_diagonal ** 2
 
 
