@@ -14,7 +14,7 @@ from qflsd_ros.core.joining import Joined, MOST_TURN, Pieces
 from qflsd_ros.core.separation import separate
 from qflsd_ros.core.tips import extended, FARTHEST
 from qflsd_ros.core.validation import (
-    ALIGNED, BY_CHANCE, Evidence, LOOKS, score, SIGNS, STEPS, STRONG, WEIGHT, witness, WITNESSES)
+    ALIGNED, BY_CHANCE, closeness, Evidence, LOOKS, score, SIGNS, STEPS, STRONG, WEIGHT, witness, WITNESSES)
 
 
 @inlined
@@ -73,7 +73,7 @@ def _agree(piece_fits: np.ndarray, piece: int, fits: np.ndarray, arc: int) -> bo
 
 @inlined
 def _evidence(piece_fits: np.ndarray, found: np.ndarray, members: np.ndarray, begin: int, end: int,
-              fits: np.ndarray, arc: int, rows: np.ndarray) -> None:
+              fits: np.ndarray, arc: int, noise: float, tolerance: float, rows: np.ndarray) -> None:
     """Write score, contrast, and as polarity the share of points where P grows, less the rest."""
     weight, aligned, chance, steps, signs, looks, strong = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for k in range(begin, end):
@@ -88,7 +88,9 @@ def _evidence(piece_fits: np.ndarray, found: np.ndarray, members: np.ndarray, be
         signs += found[piece, SIGNS] if agree else -found[piece, SIGNS]
     rows[arc, CONTRAST] = steps / rows[arc, SUPPORT]
     rows[arc, POLARITY] = signs / rows[arc, SUPPORT]
-    rows[arc, SCORE] = score(weight, aligned, chance, strong / looks, len(rows))
+    rows[arc, SCORE] = (score(weight, aligned, chance, strong / looks, len(rows))
+                        + closeness(rows[arc, SUPPORT], rows[arc, RMS],
+                                    noise / rows[arc, CONTRAST], tolerance))
 
 
 @compiled
@@ -140,13 +142,14 @@ def _describe(ends: np.ndarray, evidence: Evidence, members: np.ndarray, begins:
 
 @compiled
 def _judge(piece_fits: np.ndarray, evidence: Evidence, found: np.ndarray, members: np.ndarray,
-           begins: np.ndarray, fits: np.ndarray, min_score: float, rows: np.ndarray,
-           keep: np.ndarray) -> None:
+           begins: np.ndarray, fits: np.ndarray, tolerance: float, min_score: float,
+           rows: np.ndarray, keep: np.ndarray) -> None:
     """Fill in what speaks for the arcs to keep, and keep those that are no accident."""
     for arc in range(len(keep)):
         begin, end = begins[arc], begins[arc + 1]
         if keep[arc]:
-            _evidence(piece_fits, found, members, begin, end, fits, arc, rows)
+            _evidence(piece_fits, found, members, begin, end, fits, arc, evidence.noise,
+                      tolerance, rows)
             keep[arc] = rows[arc, SCORE] >= min_score
         if keep[arc]:
             _extend(fits, arc, evidence, rows)
@@ -176,14 +179,15 @@ def _gather(runs: np.ndarray, members: np.ndarray, begins: np.ndarray, keep: np.
 
 
 def assemble(pieces: Pieces, joined: Joined, evidence: Evidence, pixels: np.ndarray,
-             min_length: float, min_score: float, min_distance: float) -> Arcs:
+             tolerance: float, min_length: float, min_score: float,
+             min_distance: float) -> Arcs:
     """Return the arcs that are long enough, no accident, and not beside a longer one."""
     most = len(joined.fits)
     rows, keep = np.zeros((most, COLUMNS)), np.empty(most, np.bool_)
     wanted, found = np.zeros(len(pieces.runs), np.bool_), np.empty((len(pieces.runs), WITNESSES))
     _describe(pieces.ends, evidence, *joined, min_length, rows, keep, wanted)
     witness(evidence, pieces.runs, pieces.fits, wanted, found)
-    _judge(pieces.fits, evidence, found, *joined, min_score, rows, keep)
+    _judge(pieces.fits, evidence, found, *joined, tolerance, min_score, rows, keep)
     shape = evidence.dx.shape
     if min_distance > 0:
         separate(rows, joined.fits, *shape, min_distance, keep)

@@ -123,8 +123,9 @@ class Detector:
                               parameters.max_gap, parameters.tolerance, SIGNIFICANCE,
                               self._sharpest(), lens)
         evidence = Evidence(memory.points, memory.dx, memory.dy, clear, grain)
-        return assembly.assemble(pieces, joined, evidence, memory.pixels, parameters.min_length,
-                                 parameters.min_score, parameters.min_distance)
+        return assembly.assemble(pieces, joined, evidence, memory.pixels, parameters.tolerance,
+                                 parameters.min_length, parameters.min_score,
+                                 parameters.min_distance)
 
     def _sharpest(self) -> float:
         """

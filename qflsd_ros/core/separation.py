@@ -2,7 +2,7 @@
 Of parallel arcs that lie on top of each other, the longest.
 
 A thin line in the image has two edges, one on either side; a blurred or double edge may be found
-twice.  Arcs are entered into a grid, the longest first; one that for the most part lies beside
+twice; sharpening draws a faint edge beside a strong one, some px farther off.  Arcs are entered into a grid, the longest first; one that for the most part lies beside
 those in it, in the same direction, is left out.
 """
 from __future__ import annotations
@@ -11,12 +11,14 @@ import math
 
 import numpy as np
 
-from qflsd_ros.core.arcs import END, LENGTH, MIDDLE, START
+from qflsd_ros.core.arcs import CONTRAST, END, LENGTH, MIDDLE, START
 from qflsd_ros.core.compilation import compiled, inlined
 from qflsd_ros.core.order import longest_first
 
 PARALLEL = math.sin(math.radians(10.0))
 HIDDEN = 0.6        # share of an arc beside others from which on it is left out
+FAINT = 0.55        # of a strong arc's contrast: what may be the halo that sharpening gives it
+HALO = 1.5          # how many times as far as others such a halo is looked for
 CELL = 16.0         # px, of the grid
 ENTRIES = 2         # of an arc to the grid for each length of a cell
 STEP = 6.0          # px between the places of an arc that are looked at
@@ -54,6 +56,13 @@ def _beside(rows: np.ndarray, fits: np.ndarray, arc: int, x: float, y: float, nx
     return 0 <= along <= cx * cx + cy * cy
 
 
+@inlined
+def _reach(rows: np.ndarray, arc: int, other: int, distance: float) -> float:
+    """Return up to which distance from another arc one is left out."""
+    faint = rows[arc, CONTRAST] < FAINT * rows[other, CONTRAST]
+    return HALO * distance if faint else distance
+
+
 @compiled
 def _hidden(rows: np.ndarray, fits: np.ndarray, arc: int, heads: np.ndarray, entries: np.ndarray,
             distance: float) -> bool:
@@ -65,7 +74,8 @@ def _hidden(rows: np.ndarray, fits: np.ndarray, arc: int, heads: np.ndarray, ent
         row = min(max(int(y / CELL), 0), heads.shape[0] - 1)
         column = min(max(int(x / CELL), 0), heads.shape[1] - 1)
         entry = heads[row, column]
-        while entry >= 0 and not _beside(rows, fits, entries[entry, 0], x, y, nx, ny, distance):
+        while entry >= 0 and not _beside(rows, fits, entries[entry, 0], x, y, nx, ny,
+                                         _reach(rows, arc, entries[entry, 0], distance)):
             entry = entries[entry, 1]
         if entry < 0:
             free -= 1
@@ -81,7 +91,7 @@ def _enter(rows: np.ndarray, fits: np.ndarray, arc: int, distance: float, heads:
     steps = int(math.ceil(ENTRIES * rows[arc, LENGTH] / CELL))
     for i in range(steps + 1):
         x, y, nx, ny = _at(rows, fits, arc, i / steps)
-        for side in (-distance, distance):
+        for side in (-HALO * distance, HALO * distance):
             row = min(max(int((y + side * ny) / CELL), 0), heads.shape[0] - 1)
             column = min(max(int((x + side * nx) / CELL), 0), heads.shape[1] - 1)
             head = heads[row, column]

@@ -8,6 +8,9 @@ strong as the arc itself, whose contours the edge points follow.  Of n points k 
 number of false alarms is the number of arcs looked at, times the probability of k or more of n.
 
 Points count in full only where the gradient is strong: the weaker, the more it is noise.
+
+Nor would the points of an accident lie as close to the arc: they would scatter over the width that
+its tolerance leaves them.  The chance that so many distances are as small as they are is added.
 """
 from __future__ import annotations
 
@@ -21,10 +24,14 @@ from qflsd_ros.core.edges import SOBEL_GAIN
 
 SINE = math.sin(math.radians(11.25))
 NOISE_ALIGNED = 1.5                     # standard deviations of noise more
-CHANCE, CHANCE_BUSY = 0.1, 0.5          # of alignment: at least, and more in busy surroundings
+CHANCE, CHANCE_BUSY = 0.08, 0.5         # of alignment: at least, and more in busy surroundings
 BUSY = 0.5                              # of an arc's contrast: what is strong in its surroundings
 BESIDE = (-8.0, -4.0, 4.0, 8.0)         # px from the arc, where surroundings are looked at
 EVERY = 8               # edge points from one look to the next
+JITTER = 1.5            # px by which noise as strong as the contrast moves a point
+SCATTER = 0.43          # of the tolerance: rms distance of an accident's points from its arc
+EXACT = 0.5             # of that: rms distance from which on less does not say more
+INDEPENDENT = 0.5       # share of the points whose distances do not follow from their neighbours'
 
 
 # What speaks for a piece of an arc: columns of an array (M, WITNESSES) float64.  The weight of all
@@ -113,6 +120,19 @@ def witness(evidence: Evidence, runs: np.ndarray, fits: np.ndarray, wanted: np.n
             _support(fits, i, points, first, last, clear, noise, found)
             strong = BUSY * found[i, STEPS] / (last + 1 - first)
             _surroundings(fits, i, points, first, last, dx, dy, strong, found)
+
+
+@compiled
+def closeness(points: float, rms: float, noise: float, tolerance: float) -> float:
+    """
+    Return what it adds to the score that so many points lie within such an rms distance, px.
+
+    Of m independent distances the share ``(rms / scatter)^m`` of all that are to be expected is as
+    small: the volume of a ball in m dimensions.  What ``noise``, as a share of the contrast, moves
+    them does not speak against the arc.
+    """
+    share = (rms * rms - (JITTER * noise) ** 2) / (SCATTER * tolerance) ** 2
+    return -0.5 * INDEPENDENT * points * math.log10(max(share, EXACT * EXACT))
 
 
 @compiled

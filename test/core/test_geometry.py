@@ -80,7 +80,7 @@ def test_clean_edges_move_with_the_image(change, move):
     'transposed', 'mirrored', 'upended', 'turned', 'inverted'])
 def test_scenes_move_with_the_image(change, move):
     shares = []
-    for seed in range(6):
+    for seed in range(12):
         gray = scene(seed)
         one, other = find(gray), find(change(gray))
         shares.append(agreement(one, other, move, gray.shape))

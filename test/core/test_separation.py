@@ -61,3 +61,13 @@ def test_pieces_of_one_line_stay():
     gray[:, 80:120] = 60
     arcs = find(gray, max_gap=0, min_distance=5.0)
     assert np.count_nonzero(np.abs(arcs.table['middle'][:, 1] - 79.5) < 1) == 2
+
+
+@pytest.mark.parametrize('angle', [0.0, 0.3])
+@pytest.mark.parametrize('step, count', [(25, 1), (100, 2)])
+def test_a_faint_edge_close_beside_a_strong_one_is_its_halo(angle, step, count):
+    strong, beside = half_plane(99.5, 79.5, angle), half_plane(99.5, 82.7, angle)
+    gray = render(SHAPE, strong, 20, 140).astype(int)
+    gray[:, 30:170] += step * (render(SHAPE, beside, 0, 100)[:, 30:170].astype(int)) // 100
+    arcs = find(gray.astype(np.uint8))
+    assert np.count_nonzero(arcs.table['length'] > 100) == count

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from qflsd_ros.core.validation import CHANCE, score as score_of
+from qflsd_ros.core.validation import CHANCE, closeness, SCATTER, score as score_of
 from rendering import half_plane, render
 
 counts = st.integers(1, 300).flatmap(lambda n: st.tuples(st.just(n), st.integers(0, n)))
@@ -46,6 +46,36 @@ def test_all_aligned(n, candidates):
     exact = -n * math.log10(CHANCE) - math.log10(candidates)
     assert math.isclose(score(n, n, candidates), exact, abs_tol=1e-9)
     assert math.isclose(score(n, 0, candidates), -math.log10(candidates), abs_tol=1e-9)
+
+
+distances = st.floats(0, 1)
+tolerances = st.floats(0.1, 10)
+
+
+@given(st.integers(1, 1000), distances, distances, st.floats(0, 0.5), tolerances)
+def test_closer_points_score_more(points, one, other, noise, tolerance):
+    near, far = (closeness(points, share * tolerance, noise, tolerance)
+                 for share in sorted((one, other)))
+    assert near >= far
+
+
+@given(st.integers(1, 1000), distances, st.floats(0, 0.5), tolerances)
+def test_noise_does_not_speak_against_an_arc(points, share, noise, tolerance):
+    noisy = closeness(points, share * tolerance, noise, tolerance)
+    assert noisy >= closeness(points, share * tolerance, 0.0, tolerance)
+
+
+@given(st.integers(1, 1000), tolerances)
+def test_points_as_far_as_those_of_an_accident_add_nothing(points, tolerance):
+    assert math.isclose(closeness(points, SCATTER * tolerance, 0.0, tolerance), 0, abs_tol=1e-9)
+
+
+def test_an_edge_that_wavers_scores_less():
+    def wavering(amplitude):
+        return lambda u, v: v - 59.5 - amplitude * np.sin(2 * np.pi * u / 12)
+    scores = [find(render((120, 60), wavering(amplitude))).table['score'][0]
+              for amplitude in (0.0, 0.35, 0.6)]
+    assert scores[0] > scores[1] + 2 > scores[2] + 4
 
 
 @pytest.mark.parametrize('seed', range(4))
