@@ -14,7 +14,8 @@ from qflsd_ros.core.joining import Joined, MOST_TURN, Pieces
 from qflsd_ros.core.separation import separate
 from qflsd_ros.core.tips import extended, FARTHEST
 from qflsd_ros.core.validation import (
-    ALIGNED, BY_CHANCE, closeness, Evidence, LOOKS, score, SIGNS, STEPS, STRONG, WEIGHT, witness, WITNESSES)
+    ALIGNED, BY_CHANCE, closeness, Evidence, LOOKS, score, SIGNS, STEPS, STRONG, WEIGHT, witness,
+    WITNESSES)
 
 
 @inlined
@@ -73,7 +74,8 @@ def _agree(piece_fits: np.ndarray, piece: int, fits: np.ndarray, arc: int) -> bo
 
 @inlined
 def _evidence(piece_fits: np.ndarray, found: np.ndarray, members: np.ndarray, begin: int, end: int,
-              fits: np.ndarray, arc: int, noise: float, tolerance: float, rows: np.ndarray) -> None:
+              fits: np.ndarray, arc: int, noise: float, tolerance: float,
+              rows: np.ndarray) -> None:
     """Write score, contrast, and as polarity the share of points where P grows, less the rest."""
     weight, aligned, chance, steps, signs, looks, strong = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for k in range(begin, end):

@@ -2,8 +2,9 @@
 Of parallel arcs that lie on top of each other, the longest.
 
 A thin line in the image has two edges, one on either side; a blurred or double edge may be found
-twice; sharpening draws a faint edge beside a strong one, some px farther off.  Arcs are entered into a grid, the longest first; one that for the most part lies beside
-those in it, in the same direction, is left out.
+twice; sharpening draws a faint edge beside a strong one, some px farther off.  Arcs are entered
+into a grid, the longest first; one that for the most part lies beside those in it, in the same
+direction, is left out.
 """
 from __future__ import annotations
 

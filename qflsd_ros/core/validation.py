@@ -28,7 +28,7 @@ CHANCE, CHANCE_BUSY = 0.08, 0.5         # of alignment: at least, and more in bu
 BUSY = 0.5                              # of an arc's contrast: what is strong in its surroundings
 BESIDE = (-8.0, -4.0, 4.0, 8.0)         # px from the arc, where surroundings are looked at
 EVERY = 8               # edge points from one look to the next
-JITTER = 1.5            # px by which noise as strong as the contrast moves a point
+JITTER = 1.0            # px by which noise as strong as the contrast moves a point
 SCATTER = 0.43          # of the tolerance: rms distance of an accident's points from its arc
 EXACT = 0.5             # of that: rms distance from which on less does not say more
 INDEPENDENT = 0.5       # share of the points whose distances do not follow from their neighbours'
@@ -128,11 +128,13 @@ def closeness(points: float, rms: float, noise: float, tolerance: float) -> floa
     Return what it adds to the score that so many points lie within such an rms distance, px.
 
     Of m independent distances the share ``(rms / scatter)^m`` of all that are to be expected is as
-    small: the volume of a ball in m dimensions.  What ``noise``, as a share of the contrast, moves
-    them does not speak against the arc.
+    small: the volume of a ball in m dimensions.  Noise, given as a share of the contrast, is not
+    held against the arc; nor do points tell anything that it moves as far as that scatter.
     """
-    share = (rms * rms - (JITTER * noise) ** 2) / (SCATTER * tolerance) ** 2
-    return -0.5 * INDEPENDENT * points * math.log10(max(share, EXACT * EXACT))
+    scatter, jitter = SCATTER * tolerance, JITTER * noise
+    least = min(max(EXACT * scatter, jitter), scatter)
+    square = max(rms * rms - jitter * jitter, least * least)
+    return -0.5 * INDEPENDENT * points * math.log10(square / (scatter * scatter))
 
 
 @compiled

@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from qflsd_ros.core.validation import CHANCE, closeness, SCATTER, score as score_of
+from qflsd_ros.core.validation import (
+    CHANCE, closeness, JITTER, SCATTER, score as score_of)
 from rendering import half_plane, render
 
 counts = st.integers(1, 300).flatmap(lambda n: st.tuples(st.just(n), st.integers(0, n)))
@@ -59,10 +60,16 @@ def test_closer_points_score_more(points, one, other, noise, tolerance):
     assert near >= far
 
 
-@given(st.integers(1, 1000), distances, st.floats(0, 0.5), tolerances)
+@given(st.integers(1, 1000), st.floats(SCATTER, 1), st.floats(0, 0.5), tolerances)
 def test_noise_does_not_speak_against_an_arc(points, share, noise, tolerance):
     noisy = closeness(points, share * tolerance, noise, tolerance)
     assert noisy >= closeness(points, share * tolerance, 0.0, tolerance)
+
+
+@given(st.integers(1, 1000), st.floats(0, SCATTER), tolerances)
+def test_points_that_noise_moves_as_far_tell_nothing(points, share, tolerance):
+    noise = SCATTER * tolerance / JITTER
+    assert math.isclose(closeness(points, share * tolerance, noise, tolerance), 0, abs_tol=1e-9)
 
 
 @given(st.integers(1, 1000), tolerances)
