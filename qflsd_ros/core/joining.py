@@ -42,7 +42,7 @@ EVIDENCE = 0.55         # evidence that suffices for any gap
 KNOWN_ERROR = 0.02      # of a known lambda, and by which real lenses leave the division model
 BOW = 0.25              # px, sagitta by which real edges are bent
 BENT = 3.0              # standard deviations from which on an arc is no picture of a straight edge
-EASE = 0.6              # share of the evidence that is needed for the picture of a straight edge
+EASE = 0.75             # share of the evidence that is needed for the picture of a straight edge
 SEED_SHARE = 0.8        # shortest piece from which an arc is made, of the shortest arc reported
 
 

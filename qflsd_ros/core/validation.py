@@ -24,7 +24,8 @@ from qflsd_ros.core.edges import SOBEL_GAIN
 
 SINE = math.sin(math.radians(11.25))
 NOISE_ALIGNED = 1.5                     # standard deviations of noise more
-CHANCE, CHANCE_BUSY = 0.08, 0.5         # of alignment: at least, and more in busy surroundings
+# Of alignment: at least, as photographs are told best from texture, and more in busy surroundings.
+CHANCE, CHANCE_BUSY = 0.08, 0.5
 BUSY = 0.5                              # of an arc's contrast: what is strong in its surroundings
 BESIDE = (-8.0, -4.0, 4.0, 8.0)         # px from the arc, where surroundings are looked at
 EVERY = 8               # edge points from one look to the next

@@ -153,7 +153,7 @@ def hidden(lens: DivisionModel, shown: float) -> np.ndarray:
 
 @pytest.mark.parametrize('lam', [-0.6, -0.3, 0.0, 0.2])
 @pytest.mark.parametrize(('shown', 'usual', 'known'), [
-    (0.0, 2, 2), (0.32, 2, 1), (0.8, 1, 1)])
+    (0.0, 2, 2), (0.36, 2, 1), (0.8, 1, 1)])
 def test_a_known_lens_reaches_over_gaps_that_show_less(lam, shown, usual, known):
     lens = DivisionModel(lam, (240, WIDTH))
     gray = hidden(lens, shown)
