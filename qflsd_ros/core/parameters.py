@@ -113,8 +113,8 @@ class Parameters:
         4.0, 'Least -log10 of the number of false alarms of an arc; more leaves only surer ones.',
         '', -1000.0, 1000.0)
     min_distance: float = parameter(
-        2.4, 'Of parallel arcs closer than this the longest is reported, of a strong and a faint '
-        'one up to half as far again; 0 reports all.', 'px', 0.0, 100.0)
+        2.4, 'Of parallel arcs closer than this the longest is reported, and no faint one a '
+        'little farther beside it; 0 reports all.', 'px', 0.0, 100.0)
     max_gap: float = parameter(
         60.0, 'Longest gap between two pieces of one arc; 0 leaves joining out.',
         'px', 0.0, 1000.0)

@@ -86,13 +86,21 @@ def _hidden(rows: np.ndarray, fits: np.ndarray, arc: int, heads: np.ndarray, ent
 
 
 @compiled
+def _sides(distance: float) -> int:
+    """Return how many steps across an arc, a cell long at most, cover its reach."""
+    return max(1, math.ceil(2 * HALO * distance / CELL))
+
+
+@compiled
 def _enter(rows: np.ndarray, fits: np.ndarray, arc: int, distance: float, heads: np.ndarray,
            entries: np.ndarray, count: int) -> int:
-    """Enter an arc into all cells that it passes within the distance; return the new count."""
+    """Enter an arc into all cells within reach of it; return the new count."""
+    sides = _sides(distance)
     steps = int(math.ceil(ENTRIES * rows[arc, LENGTH] / CELL))
     for i in range(steps + 1):
         x, y, nx, ny = _at(rows, fits, arc, i / steps)
-        for side in (-HALO * distance, HALO * distance):
+        for j in range(sides + 1):
+            side = HALO * distance * (2 * j / sides - 1)
             row = min(max(int((y + side * ny) / CELL), 0), heads.shape[0] - 1)
             column = min(max(int((x + side * nx) / CELL), 0), heads.shape[1] - 1)
             head = heads[row, column]
@@ -125,7 +133,8 @@ def separate(rows: np.ndarray, fits: np.ndarray, height: int, width: int, distan
     height, width
         Size of the image, px.
     distance
-        Largest distance at which an arc is beside another, px, above 0.
+        Largest distance at which an arc is beside another, px, above 0; HALO times as much where
+        it is faint.
     keep
         (M,) bool, set to False where an arc is left out; those for which it is False already are
         not looked at.
@@ -134,5 +143,5 @@ def separate(rows: np.ndarray, fits: np.ndarray, height: int, width: int, distan
     lengths = rows[:, LENGTH]
     order = longest_first(lengths, keep)
     heads = np.full((int(height / CELL) + 1, int(width / CELL) + 1), -1, np.int64)
-    most = 2 * int(ENTRIES / CELL * lengths[order].sum() + 2 * len(order))
+    most = (_sides(distance) + 1) * int(ENTRIES / CELL * lengths[order].sum() + 2 * len(order))
     _separate(rows, fits, order, distance, heads, np.empty((most, 2), np.int64), keep)

@@ -43,6 +43,14 @@ def test_a_bent_edge_is_one_arc(radius):
     assert len(arcs) == 1
 
 
+@pytest.mark.parametrize('angle', np.radians([0, 30, 90]))
+@pytest.mark.parametrize('distance', [6.5, 12.0, 30.0, 100.0])
+def test_any_distance_takes_in_what_is_closer(angle, distance):
+    gray = render(SHAPE, stroke(half_plane(99.5, 79.5, angle), 6))
+    assert len(find(gray, min_distance=distance)) == 1
+    assert len(find(gray, min_distance=5.0)) == 2
+
+
 def test_of_two_the_longer_is_left():
     gray = render(SHAPE, stroke(half_plane(99.5, 79.5, 0), 2))
     gray[60:78, 40:60] = gray[0, 0]
