@@ -14,8 +14,7 @@ from qflsd_ros.core.joining import Joined, MOST_TURN, Pieces
 from qflsd_ros.core.separation import separate
 from qflsd_ros.core.tips import extended, FARTHEST
 from qflsd_ros.core.validation import (
-    ALIGNED, BY_CHANCE, closeness, Evidence, LOOKS, score, SIGNS, STEPS, STRONG, WEIGHT, witness,
-    WITNESSES)
+    ALIGNED, closeness, Evidence, LOOKS, score, SIGNS, STEPS, STRONG, WEIGHT, witness, WITNESSES)
 
 
 @inlined
@@ -77,12 +76,11 @@ def _evidence(piece_fits: np.ndarray, found: np.ndarray, members: np.ndarray, be
               fits: np.ndarray, arc: int, noise: float, tolerance: float,
               rows: np.ndarray) -> None:
     """Write score, contrast, and as polarity the share of points where P grows, less the rest."""
-    weight, aligned, chance, steps, signs, looks, strong = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    weight, aligned, steps, signs, looks, strong = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for k in range(begin, end):
         piece = members[k, 0]
         weight += found[piece, WEIGHT]
         aligned += found[piece, ALIGNED]
-        chance += found[piece, BY_CHANCE]
         steps += found[piece, STEPS]
         looks += found[piece, LOOKS]
         strong += found[piece, STRONG]
@@ -90,7 +88,7 @@ def _evidence(piece_fits: np.ndarray, found: np.ndarray, members: np.ndarray, be
         signs += found[piece, SIGNS] if agree else -found[piece, SIGNS]
     rows[arc, CONTRAST] = steps / rows[arc, SUPPORT]
     rows[arc, POLARITY] = signs / rows[arc, SUPPORT]
-    rows[arc, SCORE] = (score(weight, aligned, chance, strong / looks, len(rows))
+    rows[arc, SCORE] = (score(weight, aligned, strong / looks, len(rows))
                         + closeness(rows[arc, SUPPORT], rows[arc, RMS],
                                     noise / rows[arc, CONTRAST], tolerance))
 

@@ -13,7 +13,8 @@ from qflsd_ros.core.distortion import DivisionModel
 from qflsd_ros.core.parameters import Parameters
 from qflsd_ros.core.validation import Evidence
 
-SHORTEST = 8                # edge points of the shortest piece that may become part of an arc
+SHORTEST = 8                # edge points of the shortest piece of an arc in an image without noise
+SEED_SHARE = 0.8            # shortest piece from which an arc is made then, of min_length
 SIGNIFICANCE = 2.3          # standard deviations from which on an arc is not straight
 MOST_PIXELS = 2 ** 31       # of an image: they are numbered in 32 bits
 SMALLEST_IMAGE = 3          # px, of a side; there are no edges in less
@@ -79,13 +80,14 @@ class Detector:
                 raise ValueError('mask is given: method paper has none, leave it out or use arcs')
             return paper.detect(gray, self.parameters)
         grain = noise.estimate(gray)
+        shortest = noise.shortest(SHORTEST, grain)
         blur_sigma = noise.blur(self.parameters.blur_sigma, grain)
         grain = noise.of_gradient(grain, blur_sigma)
-        count, clear = self._find_chains(gray, mask, blur_sigma, grain)
-        return self._assemble(self._extract(count, lens), grain, clear, lens)
+        count, clear = self._find_chains(gray, mask, blur_sigma, grain, shortest)
+        return self._assemble(self._extract(count, shortest, lens), shortest, grain, clear, lens)
 
     def _find_chains(self, gray: np.ndarray, mask: np.ndarray | None, blur_sigma: float,
-                     grain: float) -> tuple[int, float]:
+                     grain: float, shortest: int) -> tuple[int, float]:
         """Leave the chains in memory; return their number and a clear contrast (Step 1)."""
         if self._memory.shape != gray.shape:
             self._memory = _Memory(*gray.shape)
@@ -99,27 +101,29 @@ class Detector:
                                   memory.edges))
         if mask is not None:
             edges.remove(memory.dx, memory.edges, memory.blocked(mask))
-        count = chains.trace(dx, dy, memory.flat, memory.words, memory.steps, SHORTEST,
+        count = chains.trace(dx, dy, memory.flat, memory.words, memory.steps, shortest,
                              memory.pixels, memory.offsets)
         edges.locate(dx, dy, gray.shape[1], memory.pixels, memory.offsets[count],
                      memory.points)
         return count, high
 
-    def _extract(self, chain_count: int, lens: DivisionModel | None) -> joining.Pieces:
+    def _extract(self, chain_count: int, shortest: int,
+                 lens: DivisionModel | None) -> joining.Pieces:
         """Find the pieces of arcs in all chains (Steps 2 to 5)."""
         memory = self._memory
-        count = extraction.extract(memory.points, memory.offsets, chain_count, SHORTEST,
+        count = extraction.extract(memory.points, memory.offsets, chain_count, shortest,
                                    self.parameters.tolerance, SIGNIFICANCE, self._sharpest(),
                                    NO_LENS if lens is None else lens.in_pixels,
                                    lens is not None, memory.todo, memory.runs, memory.fits)
         return joining.describe(memory.points, memory.runs[:count], memory.fits[:count],
                                 memory.joining)
 
-    def _assemble(self, pieces: joining.Pieces, grain: float, clear: float,
+    def _assemble(self, pieces: joining.Pieces, shortest: int, grain: float, clear: float,
                   lens: DivisionModel | None) -> Arcs:
         """Join the pieces and describe the arcs (Step 6)."""
         memory, parameters = self._memory, self.parameters
-        joined = joining.join(pieces, memory.joining, memory.dx, memory.dy, parameters.min_length,
+        min_seed = SEED_SHARE * shortest / SHORTEST * parameters.min_length
+        joined = joining.join(pieces, memory.joining, memory.dx, memory.dy, min_seed,
                               parameters.max_gap, parameters.tolerance, SIGNIFICANCE,
                               self._sharpest(), lens)
         evidence = Evidence(memory.points, memory.dx, memory.dy, clear, grain)
@@ -181,7 +185,7 @@ class _Memory:
         size = edge_pixels + edge_pixels // 2
         self.pixels = np.empty(size, np.int32)
         self.points = np.empty((4, size), np.float32)
-        most = size // SHORTEST + 2
+        most = size // noise.SHORTEST + 2
         self.offsets = np.empty(most, np.int64)
         self.todo, self.runs = np.empty((most, 3), np.int64), np.empty((most, 2), np.int64)
         self.fits = np.empty((most, FIT_SIZE))

@@ -43,7 +43,6 @@ KNOWN_ERROR = 0.02      # of a known lambda, and by which real lenses leave the 
 BOW = 0.25              # px, sagitta by which real edges are bent
 BENT = 3.0              # standard deviations from which on an arc is no picture of a straight edge
 EASE = 0.75             # share of the evidence that is needed for the picture of a straight edge
-SEED_SHARE = 0.8        # shortest piece from which an arc is made, of the shortest arc reported
 
 
 class Pieces(NamedTuple):
@@ -374,7 +373,7 @@ def _known(lens: DivisionModel | None) -> tuple[Lens, float]:
     return lens.in_pixels, error / lens.half_diagonal ** 2
 
 
-def join(pieces: Pieces, memory: Memory, dx: np.ndarray, dy: np.ndarray, min_length: float,
+def join(pieces: Pieces, memory: Memory, dx: np.ndarray, dy: np.ndarray, min_seed: float,
          max_gap: float, tolerance: float, significance: float, sharpest: float,
          lens: DivisionModel | None) -> Joined:
     """
@@ -386,7 +385,9 @@ def join(pieces: Pieces, memory: Memory, dx: np.ndarray, dy: np.ndarray, min_len
         What :func:`describe` describes, and that in which it does.
     dx, dy
         (H, W) int16 gradients.
-    min_length, max_gap, tolerance
+    min_seed
+        Shortest piece from which an arc is made, px.
+    max_gap, tolerance
         As in :class:`Parameters`, px.
     significance, sharpest
         As in :func:`extraction.extract`.
@@ -399,7 +400,7 @@ def join(pieces: Pieces, memory: Memory, dx: np.ndarray, dy: np.ndarray, min_len
     m = len(pieces.sums)
     grid = neighbours.sort(pieces.ends, memory.order[:2 * m], memory.places[:2 * m], *dx.shape)
     lengths = pieces.sums[:, SIZE]
-    seeds = longest_first(lengths, lengths >= SEED_SHARE * min_length)
+    seeds = longest_first(lengths, lengths >= min_seed)
     memory.taken[:m] = False
     arc = Making(memory.nodes_of_arc, memory.total, memory.fits)
     limits = Limits(max_gap, tolerance, significance, sharpest, *_known(lens))

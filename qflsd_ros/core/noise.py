@@ -20,6 +20,8 @@ ROWS, COLUMNS = 12, 16  # of blocks
 FLATTEST = 0.1          # share of the blocks that are believed to show noise alone
 BLUR = 0.08             # px for each grey level of noise
 MOST_BLUR = 2.0         # px; more noise than that blur is for is texture all over the image
+BREAKING = 3.0          # grey levels of noise from which on it breaks edges up
+SHORTEST = 5            # edge points of a piece that is worth looking for in any noise
 GAIN = math.sqrt(math.pi / 2) / 6       # standard deviation of white noise over mean response
 
 
@@ -60,6 +62,15 @@ def _responses(gray: np.ndarray, responses: np.ndarray) -> int:
 def blur(least: float, noise: float) -> float:
     """Return the standard deviation in px of the blur that an image with such noise needs."""
     return math.hypot(least, min(BLUR * noise, MOST_BLUR))
+
+
+def shortest(usual: int, noise: float) -> int:
+    """
+    Return the edge points of the shortest piece that is worth looking for.
+
+    Noise breaks edges up: each grey level of it takes a point off the ``usual`` number.
+    """
+    return max(SHORTEST, usual - max(0, int(noise - BREAKING)))
 
 
 def of_gradient(noise: float, blur_sigma: float) -> float:

@@ -7,7 +7,8 @@ That chance is about 1/8 for random directions, and larger where there is textur
 strong as the arc itself, whose contours the edge points follow.  Of n points k are aligned.  The
 number of false alarms is the number of arcs looked at, times the probability of k or more of n.
 
-Points count in full only where the gradient is strong: the weaker, the more it is noise.
+Points count in full only where the gradient is strong: the weaker, the more it is noise.  What
+noise turns it by is not held against it, and where that may be any angle it tells nothing.
 
 Nor would the points of an accident lie as close to the arc: they would scatter over the width that
 its tolerance leaves them.  The chance that so many distances are as small as they are is added.
@@ -36,10 +37,10 @@ INDEPENDENT = 0.5       # share of the points whose distances do not follow from
 
 
 # What speaks for a piece of an arc: columns of an array (M, WITNESSES) float64.  The weight of all
-# its points, of the aligned ones, and what chance makes of that; the sum of the steps across in
-# grey levels; the points where P grows with the grey level, less the rest; the places beside the
-# arc that were looked at, and those that are strong.
-WEIGHT, ALIGNED, BY_CHANCE, STEPS, SIGNS, LOOKS, STRONG, WITNESSES = range(8)
+# its points, and of the aligned ones; the sum of the steps across in grey levels; the points where
+# P grows with the grey level, less the rest; the places beside the arc that were looked at, and
+# those that are strong.
+WEIGHT, ALIGNED, STEPS, SIGNS, LOOKS, STRONG, WITNESSES = range(7)
 
 
 class Evidence(NamedTuple):
@@ -57,7 +58,7 @@ def _support(fits: np.ndarray, i: int, points: np.ndarray, first: int, last: int
              noise: float, found: np.ndarray) -> None:
     """Compare the gradients at edge points ``first`` to ``last`` with the normal of fit i."""
     ox, oy, a, b, c = fits[i, 0], fits[i, 1], fits[i, 2], fits[i, 3], fits[i, 4]
-    total, aligned, chance, steps, signs = 0.0, 0.0, 0.0, 0.0, 0.0
+    total, aligned, steps, signs = 0.0, 0.0, 0.0, 0.0
     for k in range(first, last + 1):
         gx, gy = points[2, k], points[3, k]
         nx, ny = 2 * a * (points[0, k] - ox) + b, 2 * a * (points[1, k] - oy) + c
@@ -66,13 +67,12 @@ def _support(fits: np.ndarray, i: int, points: np.ndarray, first: int, last: int
         s = 1 / (math.sqrt(gx * gx + gy * gy) + np.float32(clear))
         weight = 1 - clear * s
         most = SINE * weight + NOISE_ALIGNED * noise * s
+        weight = weight if most < weight else 0.0
         total += weight
         aligned += weight if abs(along) * s < most else 0.0
-        chance += min(most, weight)
         steps += abs(across)
         signs += math.copysign(1.0, across)
-    found[i, WEIGHT], found[i, ALIGNED], found[i, BY_CHANCE] = total, aligned, chance
-    found[i, BY_CHANCE] *= CHANCE / SINE
+    found[i, WEIGHT], found[i, ALIGNED] = total, aligned
     found[i, STEPS], found[i, SIGNS] = steps, signs
 
 
@@ -139,15 +139,14 @@ def closeness(points: float, rms: float, noise: float, tolerance: float) -> floa
 
 
 @compiled
-def score(n: float, k: float, chance: float, busy: float, candidates: int) -> float:
+def score(n: float, k: float, busy: float, candidates: int) -> float:
     """
     Return -log10 of the number of false alarms (NFA), 0 or above for an arc that is none.
 
-    ``n`` and ``k`` are the weights of all and of the aligned points, ``chance`` what chance makes
-    of the latter in quiet surroundings, ``busy`` the share of strong places in the surroundings;
-    the binomial tail is taken by Hoeffding's bound.
+    ``n`` and ``k`` are the weights of all and of the aligned points, ``busy`` is the share of
+    strong places in the surroundings; the binomial tail is taken by Hoeffding's bound.
     """
-    share, chance = k / n, chance / n + CHANCE_BUSY * busy
+    share, chance = k / n if n > 0 else 0.0, CHANCE + CHANCE_BUSY * busy
     surprise = 0.0
     if share > chance:
         surprise = share * math.log10(share / chance)

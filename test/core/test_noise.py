@@ -53,3 +53,10 @@ def test_noise_of_gradients(blur_sigma):
 
 def test_more_noise_is_blurred_more():
     assert noise.blur(0.6, 0) == 0.6 < noise.blur(0.6, 5) < noise.blur(0.6, 10)
+
+
+@given(st.integers(5, 20), st.floats(0, 100), st.floats(0, 100))
+def test_noise_breaks_edges_into_shorter_pieces(usual, one, other):
+    less, more = sorted((one, other))
+    assert noise.shortest(usual, 0) == usual
+    assert usual >= noise.shortest(usual, less) >= noise.shortest(usual, more) >= noise.SHORTEST

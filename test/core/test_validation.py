@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from qflsd_ros.core.validation import (
     CHANCE, closeness, JITTER, SCATTER, score as score_of)
-from rendering import half_plane, render
+from rendering import half_plane, polygon, render
 
 counts = st.integers(1, 300).flatmap(lambda n: st.tuples(st.just(n), st.integers(0, n)))
 numbers = st.integers(9, 10**14)
@@ -18,7 +18,7 @@ numbers = st.integers(9, 10**14)
 
 def score(n: int, k: int, candidates: int) -> float:
     """Return the score of n points of equal weight, k aligned, in quiet surroundings."""
-    return score_of(float(n), float(k), CHANCE * n, 0.0, candidates)
+    return score_of(float(n), float(k), 0.0, candidates)
 
 
 def tail(n: int, k: int) -> float:
@@ -77,6 +77,10 @@ def test_points_as_far_as_those_of_an_accident_add_nothing(points, tolerance):
     assert math.isclose(closeness(points, SCATTER * tolerance, 0.0, tolerance), 0, abs_tol=1e-9)
 
 
+def test_points_that_tell_nothing_leave_the_arcs_looked_at():
+    assert score(0, 0, 100) == -2
+
+
 def test_an_edge_that_wavers_scores_less():
     def wavering(amplitude):
         return lambda u, v: v - 59.5 - amplitude * np.sin(2 * np.pi * u / 12)
@@ -114,6 +118,17 @@ def test_an_edge_in_noise_is_none_by_accident(angle, seed):
     row = find(gray).table[0]
     assert row['score'] > 20
     assert row['length'] > 90
+
+
+def test_short_edges_are_found_in_noise():
+    side, found = 24.0, 0.0
+    for seed, angle in enumerate(np.linspace(0, np.pi / 2, 24, endpoint=False)):
+        corners = [(60 + side / np.sqrt(2) * np.cos(angle + turn),
+                    60 + side / np.sqrt(2) * np.sin(angle + turn))
+                   for turn in np.arange(4) * np.pi / 2]
+        gray = render((120, 120), polygon(corners), 100, 125, noise=8, seed=seed)
+        found += find(gray).table['length'].sum() / (4 * side)
+    assert found / 24 > 0.85
 
 
 @given(st.floats(-np.pi, np.pi), st.sampled_from([20, 60, 200]))
