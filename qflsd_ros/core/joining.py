@@ -29,7 +29,10 @@ COUNT, RSS, SIZE = 0, 1, 2      # columns of Pieces.sums, and of the same of an 
 NODE_AT = np.array([-math.sqrt(0.6), 0.0, math.sqrt(0.6)])
 NODE_WEIGHT = np.array([5.0, 8.0, 5.0]) / 18.0
 GAP_SHARE = 0.7         # longest gap, of the sum of both lengths
-MISFIT = 0.7            # px, rms by which the shorter piece may lie off the joined arc
+# The rms distance by which the shorter piece may lie off the joined arc: px, and as much more for
+# each px of the longer one, since edges and lenses are not perfect; standard deviations of its
+# mean, which noise accounts for.
+MISFIT, MISFIT_SHARE, MISFIT_BY_NOISE = 0.25, 0.004, 5.0
 MOST_TURN = 3.0         # radians; the picture of a straight edge never turns by more than 3.14
 LEEWAY = 1.8            # tolerances by which a node may lie off the joined arc
 MISFIT_COST = 8.0       # px of gap that weigh as much as 1 px of misfit
@@ -210,6 +213,22 @@ def _bends(pieces: Pieces, other: int, gap: float, arc: Making, now: int, limits
 
 
 @inlined
+def _misfit(pieces: Pieces, other: int, residual: float, arc: Making,
+            now: int) -> tuple[float, float]:
+    """
+    Return the rms distance of the shorter piece from the joined arc, and what it may be, px.
+
+    ``residual`` is the sum of squares that arc and piece have by themselves.
+    """
+    fewer = min(arc.total[COUNT], pieces.sums[other, COUNT])
+    more = max(0.0, arc.fits[now + 1, 6] - residual)
+    imperfect = MISFIT + MISFIT_SHARE * arc.total[SIZE]
+    variance = residual / (arc.total[COUNT] + pieces.sums[other, COUNT]) / fewer
+    return (math.sqrt(more / fewer),
+            math.sqrt(imperfect * imperfect + MISFIT_BY_NOISE ** 2 * variance))
+
+
+@inlined
 def _cost(pieces: Pieces, other: int, side: int, gap: float, arc: Making, n: int, now: int,
           limits: Limits) -> float:
     """Return what joining a piece to an arc costs, px, or inf; writes the fit behind the arc's."""
@@ -227,9 +246,8 @@ def _cost(pieces: Pieces, other: int, side: int, gap: float, arc: Making, n: int
         return np.inf
     if arc.fits[now + 1, 6] > limits.tolerance ** 2 * arc.fits[now + 1, 7]:
         return np.inf
-    fewer = min(arc.total[COUNT], pieces.sums[other, COUNT])
-    misfit = math.sqrt(max(0.0, arc.fits[now + 1, 6] - residual) / fewer)
-    if misfit > MISFIT or _farthest(arc, now + 1, 0, k) > off:
+    misfit, most = _misfit(pieces, other, residual, arc, now)
+    if misfit > most or _farthest(arc, now + 1, 0, k) > off:
         return np.inf
     if _bends(pieces, other, gap, arc, now, limits):
         return np.inf
