@@ -14,7 +14,7 @@ from qflsd_ros.core.parameters import Parameters
 from qflsd_ros.core.validation import Evidence
 
 SHORTEST = 8                # edge points of the shortest piece of an arc in an image without noise
-SEED_SHARE = 0.8            # shortest piece from which an arc is made then, of min_length
+SEED_SHARE = 0.8            # shortest piece from which an arc is made there, of min_length
 SIGNIFICANCE = 2.3          # standard deviations from which on an arc is not straight
 MOST_PIXELS = 2 ** 31       # of an image: they are numbered in 32 bits
 SMALLEST_IMAGE = 3          # px, of a side; there are no edges in less
@@ -185,7 +185,7 @@ class _Memory:
         size = edge_pixels + edge_pixels // 2
         self.pixels = np.empty(size, np.int32)
         self.points = np.empty((4, size), np.float32)
-        most = size // noise.SHORTEST + 2
+        most = size // noise.FEWEST + 2
         self.offsets = np.empty(most, np.int64)
         self.todo, self.runs = np.empty((most, 3), np.int64), np.empty((most, 2), np.int64)
         self.fits = np.empty((most, FIT_SIZE))

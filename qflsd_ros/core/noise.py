@@ -21,7 +21,7 @@ FLATTEST = 0.1          # share of the blocks that are believed to show noise al
 BLUR = 0.08             # px for each grey level of noise
 MOST_BLUR = 2.0         # px; more noise than that blur is for is texture all over the image
 BREAKING = 3.0          # grey levels of noise from which on it breaks edges up
-SHORTEST = 5            # edge points of a piece that is worth looking for in any noise
+FEWEST = 5              # edge points of the shortest piece to look for, however much there is
 GAIN = math.sqrt(math.pi / 2) / 6       # standard deviation of white noise over mean response
 
 
@@ -70,7 +70,7 @@ def shortest(usual: int, noise: float) -> int:
 
     Noise breaks edges up: each grey level of it takes a point off the ``usual`` number.
     """
-    return max(SHORTEST, usual - max(0, int(noise - BREAKING)))
+    return max(FEWEST, usual - max(0, int(noise - BREAKING)))
 
 
 def of_gradient(noise: float, blur_sigma: float) -> float:

@@ -59,4 +59,5 @@ def test_more_noise_is_blurred_more():
 def test_noise_breaks_edges_into_shorter_pieces(usual, one, other):
     less, more = sorted((one, other))
     assert noise.shortest(usual, 0) == usual
-    assert usual >= noise.shortest(usual, less) >= noise.shortest(usual, more) >= noise.SHORTEST
+    assert usual >= noise.shortest(usual, less) >= noise.shortest(usual, more) >= noise.FEWEST
+    assert noise.shortest(usual, 100) == noise.FEWEST
