@@ -5,8 +5,9 @@ Kernels allocate nothing: what memory they need is handed to them.  So numba nee
 references to arrays (``_nrt``), which costs it a fifth of all time where one calls another.
 
 numba looks at one file to see whether what it kept of it is still right, but kernels hold code of
-other files.  What is kept therefore lies in a folder named by a digest of all sources, below
-``NUMBA_CACHE_DIR`` if that is set, or else below the user's cache folder.
+other files.  What is kept therefore lies in a folder named by a digest of the core and of all
+other sources that hold kernels, below ``NUMBA_CACHE_DIR`` if that is set, or else below the user's
+cache folder.
 """
 from __future__ import annotations
 
@@ -24,7 +25,9 @@ def _cache_folder() -> Path | None:
     """Return the folder for compiled code, or None, and say so, where none can be written."""
     digest = hashlib.sha256()
     for source in sorted(Path(__file__).parents[1].rglob('*.py')):
-        digest.update(source.read_bytes())
+        content = source.read_bytes()
+        if source.is_relative_to(Path(__file__).parent) or b'core.compilation import' in content:
+            digest.update(content)
     home = os.environ.get('XDG_CACHE_HOME') or os.path.expanduser('~/.cache')
     folder = (Path(os.environ.get('NUMBA_CACHE_DIR') or home) / 'qflsd_ros'
               / digest.hexdigest()[:16])
