@@ -1,7 +1,7 @@
 """
-Write the parameter tables of README.md anew, from the dataclasses.
+Write the tables of parameters and reasons in README.md anew, from the code.
 
-Run as ``python3 doc/tables.py`` after every change of a parameter.
+Run as ``python3 doc/tables.py`` after every change of one.
 """
 from __future__ import annotations
 
@@ -12,17 +12,21 @@ from qflsd_ros.core import Parameters
 from qflsd_ros.ros.camera import CameraParameters
 from qflsd_ros.ros.node_parameters import NodeParameters
 from qflsd_ros.ros.parameters import markdown_table
+from qflsd_ros.sources import reasons
 
 README = Path(__file__).parents[1] / 'README.md'
-TABLES = {'detector': (Parameters, NodeParameters), 'camera': (CameraParameters,)}
+TABLES = {
+    ('parameters of detector', 'end of detector'): markdown_table((Parameters, NodeParameters)),
+    ('parameters of camera', 'end of camera'): markdown_table((CameraParameters,)),
+    ('reasons', 'end of reasons'): reasons.markdown_table()}
 
 
 def renewed(text: str) -> str:
-    """Return a text with a fresh table between the two marks of each node."""
-    for node, kinds in TABLES.items():
-        begin, end = f'<!-- parameters of {node} -->\n', f'<!-- end of {node} -->\n'
+    """Return a text with a fresh table between the two marks of each."""
+    for marks, table in TABLES.items():
+        begin, end = (f'<!-- {mark} -->\n' for mark in marks)
         pattern = re.compile(f'(?<={begin}).*?(?={end})', re.DOTALL)
-        text, count = pattern.subn(lambda _: markdown_table(kinds) + '\n', text)
+        text, count = pattern.subn(lambda _: table + '\n', text)
         assert count == 1, f'README.md lacks the marks\n{begin}{end}'
     return text
 

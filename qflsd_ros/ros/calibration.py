@@ -4,6 +4,7 @@ from __future__ import annotations
 import numpy as np
 from qflsd_ros.core.lens import Lens
 from qflsd_ros.sources.frames import FrameError
+from qflsd_ros.sources.reasons import Reason
 from sensor_msgs.msg import CameraInfo
 
 
@@ -31,17 +32,17 @@ def lens(info: CameraInfo | None, topic: str, height: int, width: int) -> Lens:
 
     """
     if info is None:
-        raise CalibrationError('no camera_info', f'no camera_info has come on {topic}: '
+        raise CalibrationError(Reason.NO_CALIBRATION, f'no camera_info has come on {topic}: '
                                'there are no planes without it')
     if size(info) != (width, height):
         raise CalibrationError(
-            'camera_info of another size', f'camera_info on {topic} is of images of '
+            Reason.OTHER_CALIBRATION, f'camera_info on {topic} is of images of '
             f'{" x ".join(map(str, size(info)))} pixels: must be of {width} x {height}, as the '
             'image')
     try:
         return Lens(info.distortion_model, matrix(info), np.array(info.d))
     except ValueError as error:
-        raise CalibrationError('camera_info of no use', f'camera_info on {topic}: {error}') \
+        raise CalibrationError(Reason.BAD_CALIBRATION, f'camera_info on {topic}: {error}') \
             from error
 
 

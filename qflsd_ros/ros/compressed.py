@@ -4,11 +4,14 @@ from __future__ import annotations
 import cv2
 import numpy as np
 from qflsd_ros.sources import encoded
+from qflsd_ros.sources.frames import grey_levels
 from qflsd_ros.sources.headers import JPEG_START, PNG_START
+from qflsd_ros.sources.reasons import Reason
 from sensor_msgs.msg import CompressedImage
 
 
-def decode(message: CompressedImage, white_level: float = 0.0) -> np.ndarray:
+def decode(message: CompressedImage, white_level: float = 0.0,
+           max_pixels: int = encoded.MAX_PIXELS) -> np.ndarray:
     """
     Return a compressed image, JPEG or PNG, as a grey frame.
 
@@ -17,7 +20,9 @@ def decode(message: CompressedImage, white_level: float = 0.0) -> np.ndarray:
     message
         The image; what its ``format`` says is not looked at.
     white_level
-        Of no effect: the decoder itself brings 16 bits down to 8.
+        Value that becomes 255 in images of 16 bits; 0 stands for 65535.
+    max_pixels
+        Most pixels that an image may have, seen before it is decoded.
 
     Returns
     -------
@@ -33,6 +38,7 @@ def decode(message: CompressedImage, white_level: float = 0.0) -> np.ndarray:
     data = bytes(message.data)
     what = f'compressed image of {len(data)} bytes, format {message.format!r}'
     if not data.startswith((JPEG_START, PNG_START)):
-        raise encoded.DecodingError('cannot be decoded', f'{what}: must be a JPEG or PNG')
+        raise encoded.DecodingError(Reason.NO_IMAGE, f'{what}: must be a JPEG or PNG')
     # As the sensor sees it: an orientation tag would turn the coordinates.
-    return encoded.decode(data, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION, what)
+    flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
+    return grey_levels(encoded.decode(data, flags, what, max_pixels), white_level)

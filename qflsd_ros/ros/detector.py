@@ -26,8 +26,9 @@ from qflsd_ros.ros.node_parameters import check_together, NodeParameters
 from qflsd_ros.ros.parameters import ParameterError
 from qflsd_ros.ros.run import run
 from qflsd_ros.ros.slot import Slot
-from qflsd_ros.ros.view import read_mask, reduced, view, ViewError
-from qflsd_ros.sources.frames import FrameError
+from qflsd_ros.ros.view import read_mask, reduced, view
+from qflsd_ros.sources.frames import FrameError, SourceError
+from qflsd_ros.sources.reasons import Reason
 import rclpy
 from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import (
@@ -170,8 +171,8 @@ class DetectorNode(Node):
         if path := self._active[1].mask:
             try:
                 read_mask(path)
-            except ViewError as error:
-                raise ParameterError(f'parameter {error}') from error
+            except SourceError as error:
+                raise ParameterError(f'parameter mask: {error}') from error
 
     @property
     def _image_topic(self) -> str:
@@ -244,12 +245,13 @@ class DetectorNode(Node):
             except Exception:
                 # No frame may end the node. After a shutdown, publishing fails as it should.
                 if self.context.ok():
-                    self._reject('internal error', traceback.format_exc())
+                    self._reject(Reason.INTERNAL.phrase, traceback.format_exc())
 
     def _process(self, frame: Frame) -> None:
         detector, settings = self._active
         header = frame.message.header
-        gray = self._transport.read(frame.message, settings.white_level)
+        gray = self._transport.read(
+            frame.message, settings.white_level, settings.max_pixels)
         factor, mask = view(settings, *gray.shape)
         before = self._lens.known(gray.shape, settings)
         arcs = detector.detect(reduced(gray, factor), mask,

@@ -11,14 +11,13 @@ from typing import Callable, NamedTuple, TYPE_CHECKING
 
 import cv2
 import numpy as np
-from qflsd_ros.sources.encoded import MAX_SIDE
-from qflsd_ros.sources.frames import FrameError
+from qflsd_ros.sources.encoded import MAX_PIXELS, MAX_SIDE
+from qflsd_ros.sources.frames import FrameError, grey_levels
+from qflsd_ros.sources.reasons import Reason
 
 if TYPE_CHECKING:
     from qflsd_ros.sources.frames import Frame
     from sensor_msgs.msg import Image
-
-WHITE = {'u2': 65535.0, 'f4': 1.0}  # the white level of a type unless another is given
 
 
 class ImageError(FrameError):
@@ -74,7 +73,8 @@ for _bits, _dtype in ((8, 'u1'), (16, 'u2')):
     })
 
 
-def read(message: Image | Frame, white_level: float = 0.0) -> np.ndarray:
+def read(message: Image | Frame, white_level: float = 0.0,
+         max_pixels: int = MAX_PIXELS) -> np.ndarray:
     """
     Return an image as a grey frame.
 
@@ -86,6 +86,8 @@ def read(message: Image | Frame, white_level: float = 0.0) -> np.ndarray:
     white_level
         Value that becomes 255 in images of 16 bits or floats; 0 stands for 65535 with 16 bits
         and for 1.0 with floats.
+    max_pixels
+        Most pixels that an image may have.
 
     Returns
     -------
@@ -100,9 +102,10 @@ def read(message: Image | Frame, white_level: float = 0.0) -> np.ndarray:
     """
     layout = LAYOUTS.get(message.encoding)
     if layout is None:
-        raise ImageError('unknown encoding', f'encoding {message.encoding!r} is unknown: must be '
-                         f'one of {", ".join(sorted(LAYOUTS))}')
-    _check_size(message, layout)
+        raise ImageError(
+            Reason.UNKNOWN_ENCODING, f'encoding {message.encoding!r} is unknown: must be one of '
+            f'{", ".join(sorted(LAYOUTS))}')
+    _check_size(message, layout, max_pixels)
     order = '>' if message.is_bigendian else '<'
     dtype = np.dtype(order + layout.dtype)
     pixels = np.ndarray(
@@ -110,24 +113,18 @@ def read(message: Image | Frame, white_level: float = 0.0) -> np.ndarray:
         strides=(message.step, layout.channels * dtype.itemsize, dtype.itemsize))
     # OpenCV misreads rows of 16 bits that begin at an odd address.
     gray = layout.to_gray(np.require(pixels, dtype.newbyteorder('='), ['ALIGNED']))
-    return gray if layout.dtype == 'u1' else _scaled(gray, white_level or WHITE[layout.dtype])
+    return grey_levels(gray, white_level)
 
 
-def _check_size(message: Image | Frame, layout: Layout) -> None:
+def _check_size(message: Image | Frame, layout: Layout, max_pixels: int) -> None:
     height, width, step, size = message.height, message.width, message.step, len(message.data)
     what = f'{message.encoding} image of {width} x {height} pixels'
-    if not (0 < width <= MAX_SIDE and 0 < height <= MAX_SIDE):
-        raise ImageError('wrong size', f'{what}: width and height must lie in 1 to {MAX_SIDE}')
+    if not (0 < width <= MAX_SIDE and 0 < height <= MAX_SIDE and width * height <= max_pixels):
+        raise ImageError(Reason.WRONG_SIZE, f'{what}: width and height must lie in 1 to {MAX_SIDE}'
+                         f', and at most {max_pixels} pixels in all')
     row = width * layout.channels * np.dtype(layout.dtype).itemsize
     if step < row:
-        raise ImageError('step too small', f'{what}: step is {step}, must be at least {row}')
+        raise ImageError(Reason.STEP_TOO_SMALL, f'{what}: step is {step}, must be at least {row}')
     if size < step * height:
-        raise ImageError('data too short', f'{what}: holds {size} bytes, must be at least '
+        raise ImageError(Reason.DATA_TOO_SHORT, f'{what}: holds {size} bytes, must be at least '
                          f'step x height = {step} x {height} = {step * height}')
-
-
-def _scaled(gray: np.ndarray, white: float) -> np.ndarray:
-    if gray.dtype.kind == 'f':
-        # convertScaleAbs would mirror what is below 0, and has no rule for inf and nan.
-        gray = np.fmin(np.fmax(gray, 0), white)
-    return cv2.convertScaleAbs(gray, alpha=255 / white)

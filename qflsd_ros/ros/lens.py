@@ -12,6 +12,7 @@ from qflsd_ros.core.estimation import LensEstimate
 from qflsd_ros.core.tracking import LensTracker
 from qflsd_ros.ros.node_parameters import NodeParameters
 from qflsd_ros.sources.frames import FrameError
+from qflsd_ros.sources.reasons import Reason
 from sensor_msgs.msg import CameraInfo
 from std_msgs.msg import Header
 
@@ -93,7 +94,7 @@ def described(model: DivisionModel, focal_length: float) -> Calibration:
 def required(model: DivisionModel | None, settings: NodeParameters) -> DivisionModel:
     """Return the lens; LensError where it is not known."""
     if model is None:
-        raise LensError('no lens', UNKNOWN[settings.lens])
+        raise LensError(Reason.NO_LENS, UNKNOWN[settings.lens])
     return model
 
 

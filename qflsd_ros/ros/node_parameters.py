@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from qflsd_ros.core.parameters import check, parameter, Parameters
 from qflsd_ros.ros import palette
+from qflsd_ros.sources.encoded import MAX_PIXELS
 
 LENSES = ('off', 'estimate', 'fixed')
 
@@ -30,6 +31,9 @@ class NodeParameters:
     white_level: float = parameter(
         0.0, 'Value that becomes white in images of 16 bits or floats; 0 stands for 65535 with '
         '16 bits and for 1.0 with floats.', '', 0.0, 1000000.0)
+    max_pixels: int = parameter(
+        64_000_000, 'Most pixels that an image may have, a bound on memory and time; one with '
+        'more is counted as bad, a compressed one before it is decoded.', '', 1, MAX_PIXELS)
     roi_x: int = parameter(
         0, 'Left edge of the region of the image in which arcs are sought.', 'px', 0, 32768)
     roi_y: int = parameter(

@@ -9,8 +9,9 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 from qflsd_ros.ros.node_parameters import NodeParameters
-from qflsd_ros.sources.encoded import decode, DecodingError
+from qflsd_ros.sources.files import read_image
 from qflsd_ros.sources.frames import FrameError
+from qflsd_ros.sources.reasons import Reason
 
 WHITE = 128  # grey levels from which on a pixel of a mask file is white
 
@@ -44,7 +45,9 @@ def view(settings: NodeParameters, height: int, width: int) -> View:
     Raises
     ------
     ViewError
-        The region lies outside, or the mask has another size or cannot be read.
+        The region lies outside, or the mask has another size.
+    SourceError
+        The mask cannot be read, unless :func:`read_mask` has done so before.
 
     """
     limit = settings.max_width or width
@@ -73,28 +76,24 @@ def reduced(image: np.ndarray, factor: int) -> np.ndarray:
 
 @cache
 def read_mask(path: str) -> np.ndarray:
-    """Return an image file as a mask, (H, W) bool, read once; ViewError where that fails."""
-    try:
-        gray = decode(Path(path).read_bytes(), cv2.IMREAD_GRAYSCALE, repr(path))
-    except OSError as error:
-        raise ViewError('mask', f'mask {path!r}: {error.strerror}') from error
-    except DecodingError as error:
-        raise ViewError('mask', f'mask {error}') from error
-    return gray >= WHITE
+    """Return an image file as a mask, (H, W) bool, read once; SourceError where that fails."""
+    return read_image(Path(path), colour=False) >= WHITE
 
 
 def _fitting_mask(path: str, height: int, width: int) -> np.ndarray:
     mask = read_mask(path)
     if mask.shape != (height, width):
-        raise ViewError('mask of another size', f'mask {path!r} has {mask.shape[1]} x '
-                        f'{mask.shape[0]} pixels: must have {width} x {height}, as the image')
+        raise ViewError(Reason.OTHER_MASK,
+                        f'mask {path!r} has {mask.shape[1]} x {mask.shape[0]} pixels: must have '
+                        f'{width} x {height}, as the image')
     return mask
 
 
 def _region(settings: NodeParameters, height: int, width: int) -> tuple[slice, slice]:
     x, y = settings.roi_x, settings.roi_y
     if x >= width or y >= height:
-        raise ViewError('region outside', f'region begins at roi_x {x}, roi_y {y}: must begin '
-                        f'inside the image of {width} x {height} pixels')
+        raise ViewError(Reason.REGION_OUTSIDE,
+                        f'region begins at roi_x {x}, roi_y {y}: must begin inside the image of '
+                        f'{width} x {height} pixels')
     return (slice(y, y + settings.roi_height if settings.roi_height else None),
             slice(x, x + settings.roi_width if settings.roi_width else None))

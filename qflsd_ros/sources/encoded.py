@@ -11,6 +11,7 @@ import numpy as np
 
 from qflsd_ros.sources import headers
 from qflsd_ros.sources.frames import FrameError
+from qflsd_ros.sources.reasons import Reason
 
 MAX_SIDE = 32768        # px
 MAX_PIXELS = 1 << 27    # 134 megapixels
@@ -21,7 +22,7 @@ class DecodingError(FrameError):
     """An encoded image that cannot be decoded, or is too large for that."""
 
 
-def decode(data: bytes, flags: int, what: str) -> np.ndarray:
+def decode(data: bytes, flags: int, what: str, max_pixels: int = MAX_PIXELS) -> np.ndarray:
     """
     Return an encoded image as OpenCV decodes it.
 
@@ -33,6 +34,8 @@ def decode(data: bytes, flags: int, what: str) -> np.ndarray:
         Of ``cv2.imdecode``.
     what
         What to call it in an error.
+    max_pixels
+        Most pixels that it may have.
 
     Returns
     -------
@@ -45,11 +48,12 @@ def decode(data: bytes, flags: int, what: str) -> np.ndarray:
         It is damaged or of another format, claims to be too large, or has too many scans.
 
     """
-    width, height = _checked_size(headers.size(data), what)
+    width, height = _checked_size(headers.size(data), what, max_pixels)
     passes = headers.passes(data)
     if passes * width * height > MAX_VISITS:
-        raise DecodingError('too many scans', f'{what}: has {passes} scans of {width} x {height} '
-                            f'pixels: must have at most {MAX_VISITS // (width * height)}')
+        raise DecodingError(Reason.TOO_MANY_SCANS,
+                            f'{what}: has {passes} scans of {width} x {height} pixels: must have '
+                            f'at most {MAX_VISITS // (width * height)}')
     try:
         image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
     except cv2.error:
@@ -59,18 +63,18 @@ def decode(data: bytes, flags: int, what: str) -> np.ndarray:
     return image
 
 
-def _checked_size(claimed: headers.Size | None, what: str) -> headers.Size:
+def _checked_size(claimed: headers.Size | None, what: str, max_pixels: int) -> headers.Size:
     if claimed is None:
         raise _unreadable(what)
     width, height = claimed
-    if not (0 < width <= MAX_SIDE and 0 < height <= MAX_SIDE and width * height <= MAX_PIXELS):
+    if not (0 < width <= MAX_SIDE and 0 < height <= MAX_SIDE and width * height <= max_pixels):
         raise DecodingError(
-            'wrong size', f'{what}: has {width} x {height} pixels: both must lie in 1 to '
-            f'{MAX_SIDE}, and at most {MAX_PIXELS} pixels in all')
+            Reason.WRONG_SIZE, f'{what}: has {width} x {height} pixels: both must lie in 1 to '
+            f'{MAX_SIDE}, and at most {max_pixels} pixels in all')
     return claimed
 
 
 def _unreadable(what: str) -> DecodingError:
     return DecodingError(
-        'cannot be decoded', f'{what}: no image that can be read: it is damaged or in another '
+        Reason.NO_IMAGE, f'{what}: no image that can be read: it is damaged or in another '
         f'format than {headers.FORMATS}')

@@ -12,6 +12,7 @@ from qflsd_ros.sources.encoded import decode, DecodingError
 from qflsd_ros.sources.frames import Frame, Report, Source, SourceError
 
 IMAGE_SUFFIXES = ('.bmp', '.jpeg', '.jpg', '.pgm', '.png', '.ppm', '.tif', '.tiff', '.webp')
+MAX_BYTES = 1 << 30     # the largest image, MAX_PIXELS, of four values of 16 bits each
 
 
 class Images(Source):
@@ -63,15 +64,25 @@ def natural_order(path: Path) -> list[tuple[int, str]]:
 
 def read_image(path: Path, colour: bool) -> np.ndarray:
     """Read an image as the sensor saw it, (H, W) or in colour (H, W, 3) B, G, R uint8."""
-    check_file(path)
     flag = cv2.IMREAD_COLOR if colour else cv2.IMREAD_GRAYSCALE
     try:
         # An orientation tag would turn the coordinates.
-        return decode(path.read_bytes(), flag | cv2.IMREAD_IGNORE_ORIENTATION, repr(str(path)))
-    except OSError as error:
-        raise SourceError(f'{str(path)!r}: {error.strerror}') from error
+        return decode(read_file(path), flag | cv2.IMREAD_IGNORE_ORIENTATION, repr(str(path)))
     except DecodingError as error:
         raise SourceError(str(error)) from error
+
+
+def read_file(path: Path) -> bytes:
+    """Return what a file of at most MAX_BYTES holds; SourceError where that cannot be read."""
+    check_file(path)
+    try:
+        size = path.stat().st_size
+        if size > MAX_BYTES:
+            raise SourceError(f'{str(path)!r}: has {size} bytes: must have at most {MAX_BYTES}')
+        with path.open('rb') as file:
+            return file.read(size)  # and no more, whatever is appended meanwhile
+    except OSError as error:
+        raise SourceError(f'{str(path)!r}: {error.strerror}') from error
 
 
 def check_file(path: Path) -> None:

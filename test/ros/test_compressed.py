@@ -10,10 +10,10 @@ import cv2
 from hypothesis import given, strategies as st
 import numpy as np
 import pytest
-from qflsd_ros.ros import compressed
+from qflsd_ros.ros import compressed, images
 from qflsd_ros.sources.encoded import DecodingError
 from qflsd_ros.sources.headers import size
-from sensor_msgs.msg import CompressedImage
+from sensor_msgs.msg import CompressedImage, Image
 
 SMOOTH = np.add.outer(4 * np.arange(24), 3 * np.arange(32)).astype(np.uint8)
 PNG, JPEG = (cv2.imencode(extension, SMOOTH)[1].tobytes() for extension in ('.png', '.jpg'))
@@ -42,6 +42,36 @@ def test_images_are_decoded(extension: str, pixels: np.ndarray) -> None:
     gray = compressed.decode(message(data))
     assert gray.dtype == np.uint8 and gray.shape == SMOOTH.shape
     assert np.abs(gray.astype(int) - SMOOTH).max() <= 4
+
+
+@pytest.mark.parametrize('channels', [1, 3, 4])
+@pytest.mark.parametrize('bits', [10, 12, 16])
+def test_16_bits_are_scaled_as_those_of_raw_images(bits: int, channels: int) -> None:
+    """A camera of 10 bits in a PNG of 16: white_level does what it does to mono16."""
+    white = 2 ** bits - 1
+    values = np.rint(SMOOTH * (white / 255)).astype(np.uint16)
+    pixels = np.dstack([values] * channels)
+    found = compressed.decode(message(cv2.imencode('.png', pixels)[1].tobytes()), white)
+    raw = images.read(Image(
+        encoding='mono16', height=24, width=32, step=64, data=array('B', values.tobytes())), white)
+    assert np.abs(found.astype(int) - SMOOTH).max() <= 1
+    assert np.abs(found.astype(int) - raw).max() <= (0 if channels == 1 else 1)
+
+
+def test_white_level_leaves_8_bits_alone() -> None:
+    for data in (PNG, JPEG):
+        assert np.array_equal(compressed.decode(message(data), 1023.0),
+                              cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_GRAYSCALE))
+
+
+def test_max_pixels_is_kept_before_anything_is_decoded() -> None:
+    data = message(png_of(1000, 1000))
+    with pytest.raises(DecodingError, match='at most 999999 pixels') as caught:
+        compressed.decode(data, 0.0, 999_999)
+    assert caught.value.reason == 'wrong size'
+    with pytest.raises(DecodingError) as caught:
+        compressed.decode(data, 0.0, 1_000_000)
+    assert caught.value.reason == 'cannot be decoded'
 
 
 @pytest.mark.parametrize('data', [

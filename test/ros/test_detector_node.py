@@ -107,11 +107,16 @@ def test_step_and_byte_order(rig: Rig) -> None:
 
 def test_bad_frames_are_named_and_the_next_one_works(peer: Peer) -> None:
     rig = Rig(peer).ready()
+    rig.show(image(SCENE, encoding='e' * 1_000_000), "encoding 'eee")
     rig.show(image(SCENE, encoding='bgr9'), "encoding 'bgr9' is unknown: must be one of 16UC1")
     rig.show(image(SCENE, height=40000), '320 x 40000 pixels: width and height must lie in')
     rig.show(image(SCENE, step=319), 'step is 319, must be at least 320')
     rig.show(image(SCENE, data=array('B', b'123')), 'holds 3 bytes, must be at least')
-    assert 'Traceback' not in rig.process.output
+    assert 'Traceback' not in rig.process.output and len(rig.process.output) < 20_000
+    assert same(rig.detect(image(SCENE)), EXPECTED)
+    rig.change(max_pixels=SCENE.size - 1)
+    rig.show(image(SCENE), f'at most {SCENE.size - 1} pixels in all')
+    rig.change(max_pixels=SCENE.size)
     assert same(rig.detect(image(SCENE)), EXPECTED)
 
 
@@ -208,6 +213,7 @@ def test_a_misspelt_parameter_is_told_with_the_right_name(peer: Peer) -> None:
     ('use_sim_time:=7', ['use_sim_time', 'BOOL']),
     ('mask:=nowhere.png', ['mask', 'nowhere.png', 'No such file']),
     ('mask:=setup.py', ['mask', 'setup.py', 'no image that can be read']),
+    ('mask:=/dev/zero', ['parameter mask', '/dev/zero', 'is no file']),
     ('qos_overrides./image.subscription.reliability:=maybe', ['reliability', 'maybe']),
     ('qos_overrides./detector/segments.publisher.depth:=deep', ['depth', 'INTEGER']),
 ])
@@ -264,6 +270,12 @@ def test_compressed_images(peer: Peer, extension: str) -> None:
     message = CompressedImage(format='png', data=array('B', data.tobytes()))
     message.header = image(SCENE).header
     assert same(rig.detect(message), Detector().detect(gray).polylines(0.1))
+    # A camera of 10 bits: dark unless the node knows what is white.
+    deep = cv2.imencode('.png', np.rint(SCENE * (1023 / 255)).astype(np.uint16))[1]
+    message = CompressedImage(format='16UC1; png compressed', data=array('B', deep.tobytes()))
+    message.header = image(SCENE).header
+    rig.change(white_level=1023.0)
+    assert same(rig.detect(message), EXPECTED)
 
 
 def test_namespace_remapping_and_a_section_of_yaml(peer: Peer) -> None:

@@ -107,6 +107,8 @@ def test_white_level(encoding: str, value: float, white: float, gray: int) -> No
     ({'width': 0}, 'wrong size', ['0 x 24', '1 to 32768']),
     ({'height': 0}, 'wrong size', ['32 x 0', '1 to 32768']),
     ({'height': 32769}, 'wrong size', ['32 x 32769', '1 to 32768']),
+    ({'height': 30000, 'width': 30000}, 'wrong size', ['at most 134217728 pixels']),
+    ({'encoding': 1000000 * 'e'}, 'unknown encoding', ["'eee", 'yuyv']),
     ({'step': 31}, 'step too small', ['step is 31', 'at least 32']),
     ({'step': 33}, 'data too short', ['768 bytes', '33 x 24 = 792']),
     ({'data': array('B')}, 'data too short', ['0 bytes', '32 x 24 = 768']),
@@ -119,6 +121,13 @@ def test_what_does_not_fit_is_named(changes: dict, reason: str, texts: list[str]
         images.read(message)
     assert caught.value.reason == reason
     assert all(text in str(caught.value) for text in texts), str(caught.value)
+    assert len(str(caught.value)) <= 1200
+
+
+def test_max_pixels() -> None:
+    assert images.read(image('mono8', GRAY), 0.0, 24 * 32).shape == (24, 32)
+    with pytest.raises(images.ImageError, match='at most 767 pixels'):
+        images.read(image('mono8', GRAY), 0.0, 24 * 32 - 1)
 
 
 @given(encoding=st.sampled_from([*images.LAYOUTS, '', 'jpeg']), height=st.integers(0, 9),

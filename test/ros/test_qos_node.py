@@ -1,17 +1,21 @@
 """Quality of service: any camera, started before or after the detector, and every override."""
 from __future__ import annotations
 
+from pathlib import Path
+import re
+import shlex
 from typing import TYPE_CHECKING
 
 import pytest
 from rclpy.qos import qos_profile_sensor_data, QoSProfile, ReliabilityPolicy
 from rig import EXPECTED, image, Rig, same, SCENE, TYPES
-from sensor_msgs.msg import Image
+from sensor_msgs.msg import CompressedImage, Image
 
 if TYPE_CHECKING:
     from conftest import Peer
 
 BEST_EFFORT, RELIABLE = ReliabilityPolicy.BEST_EFFORT, ReliabilityPolicy.RELIABLE
+README = (Path(__file__).parents[2] / 'README.md').read_text()
 PUBLISHED = ('/detector/segments', '/detector/arcs', '/detector/markers', '/detector/overlay',
              '/detector/planes', '/diagnostics')
 
@@ -56,3 +60,36 @@ def test_every_topic_follows_its_override(peer: Peer, overridden: bool) -> None:
         info, = peer.node.get_subscriptions_info_by_topic(topic)
         assert info.qos_profile.reliability == into, topic
     assert 'no parameter' not in rig.process.output
+
+
+def flags(title: str) -> list[str]:
+    """Return the flags that the README says to add for something."""
+    return shlex.split(re.search(rf'^\| {title}.*\| `([^`]*)` \|$', README, re.MULTILINE)[1])
+
+
+@pytest.mark.parametrize('transport, topic', [
+    ([], '/cam/image_raw'),
+    (flags('read `/cam/image_raw/compressed`'), '/cam/image_raw/compressed')])
+def test_the_override_of_the_readme_beside_its_remap(peer: Peer, transport: list[str],
+                                                     topic: str) -> None:
+    command = shlex.split(re.search('ros2 run qflsd_ros detector (--ros-args -r .*)', README)[1])
+    override = [flag.replace('/cam/image_raw', topic)
+                for flag in flags('change the quality of service')]
+    remap = command[1:command.index('--params-file')]
+    rig = Rig(peer, *remap, *transport, *override, topic=topic,
+              camera_type=CompressedImage if transport else Image,
+              camera_qos=QoSProfile(depth=1, reliability=RELIABLE))
+    rig.ready()
+    info, = peer.node.get_subscriptions_info_by_topic(topic)
+    assert info.qos_profile.reliability == RELIABLE
+    assert 'it is ignored' not in rig.process.output
+
+
+def test_an_override_of_a_topic_that_is_not_subscribed_to_is_told(peer: Peer) -> None:
+    """The name before remapping is no name."""
+    rig = Rig(peer, '-r', 'image:=/cam/image_raw', '-p',
+              'qos_overrides./image.subscription.reliability:=reliable', topic='/cam/image_raw')
+    peer.until(lambda: 'no parameter qos_overrides./image.subscription.reliability, it is ignored'
+               in rig.process.output)
+    assert 'did you mean qos_overrides./cam/image_raw.subscription.reliability?' \
+        in rig.process.output

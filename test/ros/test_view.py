@@ -1,13 +1,16 @@
 """Region, mask and scale become one array and one factor for each size of images."""
 from __future__ import annotations
 
+import os
 from pathlib import Path
+import struct
 
 import cv2
 import numpy as np
 import pytest
 from qflsd_ros.ros.node_parameters import NodeParameters
 from qflsd_ros.ros.view import read_mask, reduced, View, view, ViewError
+from qflsd_ros.sources import SourceError
 
 
 def write_mask(folder: Path, black: tuple[slice, slice], shape: tuple[int, int]) -> str:
@@ -68,15 +71,50 @@ def test_reduced_gives_means_of_blocks(factor: int) -> None:
 @pytest.mark.parametrize('changes, reason, texts', [
     ({'roi_x': 200}, 'region outside', ['roi_x 200', '200 x 100']),
     ({'roi_y': 100}, 'region outside', ['roi_y 100']),
-    ({'mask': 'nowhere.png'}, 'mask', ['nowhere.png', 'No such file']),
-    ({'mask': __file__}, 'mask', ['test_view.py', 'no image that can be read']),
-    ({'mask': '/dev/null'}, 'mask', ['/dev/null', 'no image that can be read']),
 ])
 def test_what_does_not_fit_is_named(changes: dict, reason: str, texts: list[str]) -> None:
     with pytest.raises(ViewError) as caught:
         view(NodeParameters(**changes), 100, 200)
     assert caught.value.reason == reason
     assert all(text in str(caught.value) for text in texts), str(caught.value)
+
+
+def made(folder: Path, kind: str) -> Path:
+    """Make something in the place of a mask file that is none."""
+    path = folder / kind
+    if kind == 'pipe':
+        os.mkfifo(path)
+    elif kind == 'huge':
+        with path.open('wb') as file:
+            file.truncate(1 << 40)
+    elif kind == 'text':
+        path.write_text('no image')
+    return path
+
+
+@pytest.mark.parametrize('kind, text', [
+    ('/dev/zero', 'is no file'), ('/dev/null', 'is no file'), ('pipe', 'is no file'),
+    ('', 'is no file'), ('huge', 'must have at most'), ('nowhere', 'No such file'),
+    ('text', 'no image that can be read'), ('/proc/kmsg', '/proc/kmsg')])
+def test_what_is_no_image_file_is_named_at_once(tmp_path: Path, kind: str, text: str) -> None:
+    """Pipes and devices would give bytes for ever, or never."""
+    path = made(tmp_path, kind)
+    with pytest.raises(SourceError, match=text) as caught:
+        read_mask(str(path))
+    assert repr(str(path)) in str(caught.value)
+
+
+def test_a_mask_has_the_orientation_of_the_sensor(tmp_path: Path) -> None:
+    """As images have: an orientation tag turns neither."""
+    pixels = np.zeros((10, 20), np.uint8)
+    pixels[:, 10:] = 255
+    jpeg = cv2.imencode('.jpg', pixels)[1].tobytes()
+    tag = struct.pack('>2sHIHHHIHHI', b'MM', 42, 8, 1, 0x112, 3, 1, 6, 0, 0)  # a quarter turn
+    exif = b'\xff\xe1' + struct.pack('>H', 8 + len(tag)) + b'Exif\0\0' + tag
+    path = tmp_path / 'turned.jpg'
+    path.write_bytes(jpeg[:2] + exif + jpeg[2:])
+    assert cv2.imread(str(path), cv2.IMREAD_GRAYSCALE).shape == (20, 10)
+    assert np.array_equal(read_mask(str(path)), pixels > 127)
 
 
 def test_a_mask_of_another_size_is_named(tmp_path: Path) -> None:
