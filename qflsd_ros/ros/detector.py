@@ -21,6 +21,7 @@ from qflsd_ros.core.planes import planes
 from qflsd_ros.ros import calibration, compressed, images, lens, outputs, parameters
 from qflsd_ros.ros.diagnostics import Statistics
 from qflsd_ros.ros.lazy import LazySubscription
+from qflsd_ros.ros.losses import Losses
 from qflsd_ros.ros.markers import markers
 from qflsd_ros.ros.node_parameters import check_together, NodeParameters
 from qflsd_ros.ros.parameters import ParameterError
@@ -147,7 +148,7 @@ class DetectorNode(Node):
                          in (*OUTPUTS, (WITH_CALIBRATION, PointCloud2, self._planes_of))}
         self._diagnostics = self._advertise(DiagnosticArray, '/diagnostics')
         self._camera_info: CameraInfo | None = None
-        self._number: int | None = None  # of the last frame, as its publisher counts
+        self._losses = Losses(self._cameras)
         self._images = LazySubscription(self, self._subscribe)
         self._calibration = LazySubscription(self, self._subscribe_calibration)
         self._follow_listeners()
@@ -179,6 +180,15 @@ class DetectorNode(Node):
         return self.resolve_topic_name('image')
 
     @property
+    def _frame_topic(self) -> str:
+        # The suffix follows the remapped name, as with image_transport.
+        return self._image_topic + self._transport.suffix
+
+    def _cameras(self) -> frozenset[bytes]:
+        return frozenset(bytes(camera.endpoint_gid) for camera
+                         in self.get_publishers_info_by_topic(self._frame_topic))
+
+    @property
     def _transport(self) -> Transport:
         return TRANSPORTS[self._active[1].image_transport]
 
@@ -193,12 +203,11 @@ class DetectorNode(Node):
             qos_overriding_options=QoSOverridingOptions.with_default_policies())
 
     def _subscribe(self) -> Subscription:
-        self._number = None
-        # The suffix follows the remapped name, as with image_transport.
-        topic = self._image_topic + self._transport.suffix
+        self._losses.begin_anew()
         return self.create_subscription(
-            self._transport.message_type, topic, self._receive, INPUT,
-            event_callbacks=SubscriptionEventCallbacks(message_lost=self._count_lost),
+            self._transport.message_type, self._frame_topic, self._receive, INPUT,
+            event_callbacks=SubscriptionEventCallbacks(
+                message_lost=self._count_lost, matched=lambda _: self._losses.begin_anew()),
             qos_overriding_options=QoSOverridingOptions.with_default_policies())
 
     def _subscribe_calibration(self) -> Subscription:
@@ -219,22 +228,12 @@ class DetectorNode(Node):
 
     def _receive(self, message: Image | CompressedImage, info: dict[str, Any]) -> None:
         self._statistics.arrived()
-        self._statistics.lost(self._missing(info.get('publication_sequence_number')))
+        self._statistics.lost(self._losses.missing(info.get('publication_sequence_number')))
         if self._slot.put(Frame(message, time.monotonic())):
             self._statistics.dropped()
 
-    def _missing(self, number: int | None) -> int:
-        """Return how many frames the camera has published between the last one here and this."""
-        last, self._number = self._number, number
-        if last is None or number is None or number <= last + 1:
-            return 0  # the first one, of a middleware that does not number, or after no gap
-        topic = self._image_topic + self._transport.suffix
-        # Two cameras on one topic number their frames each on its own.
-        return number - last - 1 if self.count_publishers(topic) == 1 else 0
-
     def _count_lost(self, event: QoSMessageLostInfo) -> None:
-        if self._number is None:
-            self._statistics.lost(event.total_count_change)
+        self._statistics.lost(self._losses.reported(event.total_count_change))
 
     def _work(self) -> None:
         for frame in self._slot:
@@ -297,10 +296,9 @@ class DetectorNode(Node):
             self.get_logger().error(f'{reason}: {text}')
 
     def _diagnose(self) -> None:
-        topic = self._image_topic + self._transport.suffix
         settings = self._active[1]
         status = DiagnosticStatus(name=f'{self.get_fully_qualified_name()}: detection',
-                                  hardware_id=settings.hardware_id or topic)
+                                  hardware_id=settings.hardware_id or self._frame_topic)
         self._statistics.report(status, bool(self._images), settings.max_age)
         status.values += [KeyValue(key=key, value=value)
                           for key, value in self._lens.values(settings).items()]

@@ -1,20 +1,26 @@
 """What the node tells about itself on /diagnostics."""
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, deque
 from dataclasses import dataclass, field
 from threading import Lock
 import time
+from typing import Callable
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 import numpy as np
+
+PATIENCE = 2.0  # s without a frame that are no reason to warn: two reports, since one may be early
+# Nor are as many periods of a camera: with two, one of 1 Hz that leaves out a frame would be gone.
+PERIODS = 3
+RECENT = 9  # periods whose median counts: less than half of them may be gaps
 
 
 @dataclass
 class Window:
     """What happened between two reports; times in s."""
 
-    begin: float = field(default_factory=time.monotonic)
+    begin: float
     arrived: int = 0
     lost: int = 0
     dropped: int = 0
@@ -27,9 +33,14 @@ class Window:
 class Statistics:
     """Counts of what happened to the frames; every method may be called from any thread."""
 
-    def __init__(self) -> None:
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        """Take a clock that gives a time in s and never jumps."""
         self._lock = Lock()
-        self._window = Window()
+        self._clock = clock
+        self._window = Window(clock())
+        self._quiet_since = self._window.begin
+        self._previous: float | None = None  # when the last frame came, while somebody listens
+        self._periods: deque[float] = deque(maxlen=RECENT)
         self._frames = self._lost = self._dropped = 0
         self._bad: Counter[str] = Counter()
 
@@ -37,6 +48,10 @@ class Statistics:
         """Count a frame that came in."""
         with self._lock:
             self._window.arrived += 1
+            now = self._clock()
+            if self._previous is not None:
+                self._periods.append(now - self._previous)
+            self._previous = self._quiet_since = now
 
     def lost(self, count: int) -> None:
         """Count frames that the middleware lost on their way here."""
@@ -77,22 +92,31 @@ class Statistics:
         reason to warn, unless it is 0.
         """
         with self._lock:
-            window, self._window = self._window, Window()
+            now = self._clock()
+            window, self._window = self._window, Window(now)
+            warnings = self._silence(now, listening)
             bad = self._bad.copy()
             totals = {'frames': self._frames, 'frames lost': self._lost,
                       'frames dropped': self._dropped, 'frames bad': sum(bad.values())}
-        warnings = _warnings(window, max_age) if listening else []
+        if listening:
+            warnings += _warnings(window, max_age)
         status.level = DiagnosticStatus.WARN if warnings else DiagnosticStatus.OK
         status.message = '; '.join(warnings) or ('detecting' if listening else 'nobody listens')
-        values = _values(window) | totals
+        values = _values(window, now - window.begin) | totals
         values |= {f'frames bad: {reason}': count for reason, count in sorted(bad.items())}
         status.values += [KeyValue(key=key, value=str(value)) for key, value in values.items()]
+
+    def _silence(self, now: float, listening: bool) -> list[str]:
+        """Return a warning of a camera that is silent for longer than it usually is."""
+        if not listening:
+            self._previous, self._quiet_since = None, now
+        silence = now - self._quiet_since
+        patience = max(PATIENCE, PERIODS * float(np.median(self._periods or [0])))
+        return [f'no frame came in for {silence:.1f} s'] if silence > patience else []
 
 
 def _warnings(window: Window, max_age: float) -> list[str]:
     warnings = []
-    if not window.arrived:
-        warnings.append('no frame came in')
     if window.bad:
         reasons = ', '.join(sorted(window.bad))
         warnings.append(f'{sum(window.bad.values())} bad frames ({reasons})')
@@ -106,8 +130,8 @@ def _warnings(window: Window, max_age: float) -> list[str]:
     return warnings
 
 
-def _values(window: Window) -> dict[str, str]:
-    period = max(time.monotonic() - window.begin, 1e-9)
+def _values(window: Window, duration: float) -> dict[str, str]:
+    period = max(duration, 1e-9)
     return {
         'rate in (Hz)': f'{window.arrived / period:.1f}',
         'rate out (Hz)': f'{len(window.ages) / period:.1f}',

@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 from diagnostic_msgs.msg import DiagnosticStatus
+import numpy as np
 import pytest
 from qflsd_ros.ros.diagnostics import Statistics
 
@@ -41,9 +42,48 @@ def test_every_loss_is_told_once_and_stays_counted(happen, words, key) -> None:
     assert status.level == DiagnosticStatus.OK and values[key] == '3'
 
 
+class Hours:
+    """A clock for the test to turn, and a report at every full second of it."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+        self.statistics = Statistics(lambda: self.now)
+
+    def messages(self, seconds: int, rate: float, listening: bool = True) -> list[str]:
+        """Let seconds go by with frames at a rate; return what the reports say."""
+        arrivals = iter(np.arange(self.now, self.now + seconds, 1 / rate) if rate else [])
+        arrival = next(arrivals, np.inf)
+        messages = []
+        for second in self.now + 1 + np.arange(seconds):
+            while arrival < second:
+                self.now = arrival
+                self.statistics.arrived()
+                arrival = next(arrivals, np.inf)
+            self.now = second
+            messages.append(report(self.statistics, listening)[0].message)
+        return messages
+
+
 def test_no_frame_is_a_warning_only_where_somebody_listens() -> None:
-    assert report(Statistics())[0].level == DiagnosticStatus.WARN
-    assert report(Statistics(), listening=False)[0].level == DiagnosticStatus.OK
+    hours = Hours()
+    assert set(hours.messages(60, 0, listening=False)) == {'nobody listens'}
+    # The camera gets a moment, then silence is told for as long as it lasts.
+    messages = hours.messages(60, 0)
+    assert messages[:2] == ['detecting'] * 2
+    assert messages[2:] == [f'no frame came in for {second}.0 s' for second in range(3, 61)]
+    assert set(hours.messages(60, 0, listening=False)) == {'nobody listens'}
+
+
+@pytest.mark.parametrize('rate', [0.1, 0.3, 0.8, 0.99, 5.0, 30.0])
+def test_a_slow_camera_is_no_reason_to_warn_and_one_that_stops_is(rate: float) -> None:
+    hours = Hours()
+    assert set(hours.messages(200, rate)[int(1 / rate):][20:]) == {'detecting'}
+    silent = hours.messages(40, 0)
+    assert 'no frame came in' in silent[int(3 / rate + 2)]
+    # It may have been away for long: then it is the camera that it was before.
+    hours.messages(1000, 0)
+    assert set(hours.messages(100, rate)[20:]) == {'detecting'}
+    assert 'no frame came in' in hours.messages(40, 0)[int(3 / rate + 2)]
 
 
 def test_late_frames() -> None:

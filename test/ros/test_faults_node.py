@@ -139,6 +139,23 @@ def test_two_cameras_on_one_topic(rig: Rig) -> None:
     assert values(rig.report('frames lost'))['frames lost'] == lost
 
 
+def test_another_camera_takes_over(rig: Rig) -> None:
+    """Its numbers go on from where it was, and say nothing of the frames of the one before."""
+    rig.settle()
+    lost = int(values(rig.report('frames lost'))['frames lost'])
+    old = rig.camera
+    publish_for(rig, 1.0, 60.0)
+    rig.camera = rig.peer.node.create_publisher(type(image(SCENE)), rig.topic, 1)
+    rig.ready()
+    assert same(rig.detect(image(SCENE)), EXPECTED)
+    rig.peer.node.destroy_publisher(rig.camera)
+    rig.camera = old
+    assert same(rig.detect(image(SCENE)), EXPECTED)
+    account(rig)
+    # On a busy machine one or the other of the sixty may really be lost.
+    assert int(values(rig.reports[-1])['frames lost']) - lost < 20
+
+
 def test_a_camera_that_is_killed_and_comes_back(peer: Peer) -> None:
     rig = Rig(peer)
     found = rig.received['segments']
