@@ -19,7 +19,8 @@ from qflsd_ros.ros import parameters
 from qflsd_ros.ros.run import run
 from qflsd_ros.sources import Frame, open_source, Scene, SceneFrames, Source
 from rclpy.duration import Duration
-from rclpy.executors import SingleThreadedExecutor
+from rclpy.event_handler import PublisherEventCallbacks
+from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
@@ -101,7 +102,10 @@ class CameraNode(Node):
         parameters.warn_of_unknown(self)
         self._publisher = self.create_publisher(
             Image, 'image', QoSProfile(depth=5, reliability=ReliabilityPolicy.RELIABLE),
+            # Whoever begins to listen wakes the executor.
+            event_callbacks=PublisherEventCallbacks(matched=lambda _: None),
             qos_overriding_options=QoSOverridingOptions.with_default_policies())
+        self._due = 0.0  # when the next frame is, on the monotonic clock
         self._source = open_camera(self._settings, self.get_logger().warning)
         if self._source.note:
             self.get_logger().info(f'{self._source.note}: set topic to choose')
@@ -110,30 +114,40 @@ class CameraNode(Node):
         """Publish the source's frames when they are due, and answer services in between."""
         executor = SingleThreadedExecutor(context=self.context)
         executor.add_node(self)
-        for due, frame in self._due_frames():
+        for frame in self._frames():
             executor.spin_once(0)
-            while (wait := due - time.monotonic()) > 0:
+            while (wait := self._due - time.monotonic()) > 0:
                 executor.spin_once(wait)
+            self._await_listener(executor)
             self._publisher.publish(self._message(frame))
         self._publisher.wait_for_all_acked(Duration(seconds=1))
 
     def _apply(self, settings: CameraParameters) -> None:
         self._settings = settings
 
-    def _due_frames(self) -> Iterator[tuple[float, Frame]]:
-        """Yield every frame, ready before its time, with that time on the monotonic clock."""
-        due, last = 0.0, None  # on the monotonic clock
+    def _await_listener(self, executor: Executor) -> None:
+        """Stand still while nobody looks, if the source allows that, and go on at its pace."""
+        if self._source.on_demand and not self._publisher.get_subscription_count():
+            while not self._publisher.get_subscription_count():
+                executor.spin_once()
+            self._due = time.monotonic()
+
+    def _frames(self) -> Iterator[Frame]:
+        """Yield every frame, ready before its time, and set that time."""
+        last = None
         for _ in itertools.count() if self._settings.loop else range(1):
             for frame in self._source:
                 now = time.monotonic()
                 fresh = last is None or self._source.live
-                due, last = now if fresh else due + self._gap(last, frame), frame
-                if now - due > MAX_LAG:
+                self._due = now if fresh else self._due + self._gap(last, frame)
+                last = frame
+                if now - self._due > MAX_LAG:
                     self.get_logger().warning(
-                        f'cannot keep its rate: {self._source.name} is {now - due:.3f} s late',
+                        f'cannot keep its rate: {self._source.name} is '
+                        f'{now - self._due:.3f} s late',
                         throttle_duration_sec=LOG_PERIOD)
-                    due = now
-                yield due, frame
+                    self._due = now
+                yield frame
 
     def _gap(self, last: Frame, frame: Frame) -> float:
         """Return the time in s from the last frame to this one."""

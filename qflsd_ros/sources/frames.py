@@ -128,10 +128,13 @@ class Source(ABC):
         What a person may want to know of how it is read; empty for nothing.
     live
         Whether frames come at the pace of a camera, with the time at which they were taken.
+    on_demand
+        Whether frames may come late: nobody misses one, and each costs something.
 
     """
 
     live = False
+    on_demand = False
 
     def __init__(self, name: str, report: Report) -> None:
         self.name = name

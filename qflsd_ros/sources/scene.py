@@ -106,6 +106,8 @@ class Scene:
 class SceneFrames(Source):
     """The scene as a source that never ends."""
 
+    on_demand = True
+
     def __init__(self, scene: Scene) -> None:
         super().__init__('scene', report_by_log)
         self._scene = scene

@@ -11,6 +11,7 @@ import numpy as np
 
 from qflsd_ros.sources.files import check_file, encoding
 from qflsd_ros.sources.frames import Frame, Report, Source, SourceError
+WEBCAMS = 100  # OpenCV takes the hundreds of an index for the interface to use
 
 
 class Video(Source):
@@ -47,6 +48,8 @@ class Webcam(Source):
 
     def __init__(self, index: int, colour: bool, rate: float, report: Report) -> None:
         super().__init__(f'webcam {index}', report)
+        if index >= WEBCAMS:
+            raise SourceError(f'{self.name}: its number must lie in 0 to {WEBCAMS - 1}')
         self._colour = colour
         self._capture = quiet_capture(index)
         if not self._capture.isOpened():

@@ -1,8 +1,10 @@
 """The camera as a process over real DDS."""
 from __future__ import annotations
 
+import os
 from pathlib import Path
 import signal
+import time
 from typing import TYPE_CHECKING
 
 import cv2
@@ -82,6 +84,32 @@ def test_scene_at_its_rate_for_both_kinds_of_subscription(peer, reliability):
     assert 'Traceback' not in camera.output
 
 
+def cpu_time(process: Process) -> float:
+    """Return the time in s that a process has worked."""
+    fields = Path(f'/proc/{process.popen.pid}/stat').read_text().rpartition(')')[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
+
+
+def test_scene_stands_still_while_nobody_looks(peer):
+    """It costs nothing then, and goes on where it was, at its pace and with stamps of now."""
+    camera = start(peer, 'rate:=30.0', 'width:=320', 'height:=240')
+    scene = Scene(320, 240)
+    frames = [scene.image(number).tobytes() for number in range(400)]
+    last = frames.index(bytes(receive(peer, 10)[-1].data))
+    peer.until(lambda: not peer.node.count_subscribers('/image'))
+    worked, begin = cpu_time(camera), time.monotonic()
+    peer.until(lambda: time.monotonic() > begin + 5.0)
+    assert cpu_time(camera) - worked < 0.05 * (time.monotonic() - begin)
+    images = receive(peer, 30, RELIABLE, depth=10)
+    numbers = [frames.index(bytes(image.data)) for image in images]
+    assert last < numbers[0] < last + 30
+    stamps = [stamp(image) for image in images]
+    assert 0 <= peer.node.get_clock().now().nanoseconds - stamps[0] < 2e9
+    assert np.median(np.diff(stamps)) == pytest.approx(1e9 / 30, rel=0.1)
+    assert min(np.diff(stamps)) > 0.2e9 / 30
+    assert 'cannot keep its rate' not in camera.output
+
+
 def test_scene_in_colour(peer):
     start(peer, 'encoding:=bgr8', 'width:=80', 'height:=60', 'noise:=0.0', 'lam:=-0.2')
     image = receive(peer, 1)[0]
@@ -134,6 +162,8 @@ def test_folder_that_does_not_loop_ends_the_node(peer, tmp_path):
     ('source:=/no/such/place', "camera: '/no/such/place' is not there: must be an image"),
     ('source:=/dev/null', "'/dev/null' is not there"),
     ('source:="63"', 'camera: webcam 63: cannot be opened'),
+    ('source:="200"', 'camera: webcam 200: its number must lie in 0 to 99'),
+    ('source:="99999999999"', 'camera: webcam 99999999999: its number must lie in 0 to 99'),
     ('rate:=0.0', 'camera: parameter rate is 0.0: must lie in 0.01 to 1000.0 Hz'),
     ('encoding:=rgb8', 'camera: parameter encoding is '),
     ('width:=wide', 'camera: parameter width is '),
