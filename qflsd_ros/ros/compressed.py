@@ -4,7 +4,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 from qflsd_ros.sources import encoded
-from qflsd_ros.sources.frames import grey_levels
+from qflsd_ros.sources.depth import eight_bits
 from qflsd_ros.sources.headers import JPEG_START, PNG_START
 from qflsd_ros.sources.reasons import Reason
 from sensor_msgs.msg import CompressedImage
@@ -41,4 +41,4 @@ def decode(message: CompressedImage, white_level: float = 0.0,
         raise encoded.DecodingError(Reason.NO_IMAGE, f'{what}: must be a JPEG or PNG')
     # As the sensor sees it: an orientation tag would turn the coordinates.
     flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
-    return grey_levels(encoded.decode(data, flags, what, max_pixels), white_level)
+    return eight_bits(encoded.decode(data, flags, what, max_pixels), white_level or None)

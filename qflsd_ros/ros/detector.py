@@ -242,9 +242,8 @@ class DetectorNode(Node):
             except FrameError as error:
                 self._reject(error.reason, str(error))
             except Exception:
-                # No frame may end the node. After a shutdown, publishing fails as it should.
-                if self.context.ok():
-                    self._reject(Reason.INTERNAL.phrase, traceback.format_exc())
+                # No frame may end the node.
+                self._reject(Reason.INTERNAL.phrase, traceback.format_exc())
 
     def _process(self, frame: Frame) -> None:
         detector, settings = self._active
@@ -276,6 +275,8 @@ class DetectorNode(Node):
                     publisher.publish(build(result))
             except FrameError as error:
                 errors[error.reason] = str(error)
+            except Exception:
+                errors[Reason.INTERNAL.phrase] = traceback.format_exc()
         for reason, text in errors.items():
             self._reject(reason, text)
 
@@ -289,6 +290,8 @@ class DetectorNode(Node):
         return (self.get_clock().now().nanoseconds - stamp) * 1e-9
 
     def _reject(self, reason: str, text: str) -> None:
+        if not self.context.ok():
+            return  # after a shutdown, publishing fails as it should
         self._statistics.bad(reason)
         now = time.monotonic()
         if now - self._last_log.get(reason, -LOG_PERIOD) >= LOG_PERIOD:

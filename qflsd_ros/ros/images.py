@@ -11,8 +11,9 @@ from typing import Callable, NamedTuple, TYPE_CHECKING
 
 import cv2
 import numpy as np
+from qflsd_ros.sources.depth import eight_bits
 from qflsd_ros.sources.encoded import MAX_PIXELS, MAX_SIDE
-from qflsd_ros.sources.frames import FrameError, grey_levels
+from qflsd_ros.sources.frames import FrameError
 from qflsd_ros.sources.reasons import Reason
 
 if TYPE_CHECKING:
@@ -113,7 +114,7 @@ def read(message: Image | Frame, white_level: float = 0.0,
         strides=(message.step, layout.channels * dtype.itemsize, dtype.itemsize))
     # OpenCV misreads rows of 16 bits that begin at an odd address.
     gray = layout.to_gray(np.require(pixels, dtype.newbyteorder('='), ['ALIGNED']))
-    return grey_levels(gray, white_level)
+    return eight_bits(gray, white_level or None)
 
 
 def _check_size(message: Image | Frame, layout: Layout, max_pixels: int) -> None:

@@ -64,8 +64,9 @@ class CameraLens:
             return values
         values |= {'lens lambda': f'{model.lam:.4f}',
                    'lens centre (px)': '{:.1f}, {:.1f}'.format(*model.origin)}
-        if settings.lens == 'estimate' and tracker.estimate:
-            values |= _estimated(tracker.estimate, tracker.outliers)
+        estimate = tracker.estimate  # once: the detection thread may begin anew meanwhile
+        if settings.lens == 'estimate' and estimate:
+            values |= _estimated(estimate, tracker.outliers)
         residual = described(model, settings.focal_length).residual
         return values | {'camera_info residual (px)': f'{residual:.3f}'}
 

@@ -7,11 +7,9 @@ from dataclasses import dataclass
 import logging
 from typing import Any, Callable
 
-import cv2
 import numpy as np
 from qflsd_ros.sources.reasons import Reason
 
-WHITE = {'u2': 65535.0, 'f4': 1.0}  # the white level of a type unless another is given
 Report = Callable[[str], None]
 MAX_TEXT = 1200  # characters: twice what naming all encodings takes
 report_by_log: Report = logging.getLogger(__name__).warning
@@ -41,35 +39,6 @@ def shortened(text: str) -> str:
     left_out = f' [{len(text) - MAX_TEXT} characters] '
     kept = (MAX_TEXT - len(left_out)) // 2
     return text[:kept] + left_out + text[-kept:]
-
-
-def grey_levels(values: np.ndarray, white_level: float = 0.0) -> np.ndarray:
-    """
-    Return pixels as grey levels of 8 bits.
-
-    Integers of 16 bits and floats are scaled linearly from 0 to the white level, and what is
-    beyond is cut off; nan becomes 0.
-
-    Parameters
-    ----------
-    values
-        (H, W) or (H, W, C), uint8, uint16 or float32 in native byte order.
-    white_level
-        Value of uint16 and float32 that becomes 255; 0 stands for 65535 and for 1.0.
-
-    Returns
-    -------
-    levels
-        The same shape, uint8; for uint8 ``values`` itself.
-
-    """
-    if values.dtype == np.uint8:
-        return values
-    white = white_level or WHITE[values.dtype.str[1:]]
-    if values.dtype.kind == 'f':
-        # convertScaleAbs would mirror what is below 0, and has no rule for inf and nan.
-        values = np.fmin(np.fmax(values, 0), white)
-    return cv2.convertScaleAbs(values, alpha=255 / white)
 
 
 @dataclass(frozen=True)

@@ -13,12 +13,21 @@ import pytest
 from qflsd_ros.core import Detector, Parameters
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter as RosParameter
+from rclpy.serialization import serialize_message
 from rig import EXPECTED, image, Rig, same, SCENE, values
 
 if TYPE_CHECKING:
     from conftest import Peer
 
 CAMERA = ('-m', 'qflsd_ros.ros', 'camera', '--ros-args', '-p', 'width:=160', '-p', 'height:=120')
+WITHOUT_OVERLAY = """
+import sys
+from qflsd_ros.ros import detector, outputs
+def fail(*_):
+    raise ZeroDivisionError('no overlay')
+outputs.overlay_image = fail
+sys.exit(detector.main())
+"""
 WAYS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     'mono8': lambda gray: gray,
     'rgb8': lambda gray: np.dstack([gray] * 3),
@@ -156,6 +165,21 @@ def test_another_camera_takes_over(rig: Rig) -> None:
     assert int(values(rig.reports[-1])['frames lost']) - lost < 20
 
 
+def test_messages_that_are_damaged(rig: Rig) -> None:
+    """DDS hands on what it gets: lengths that lie, no UTF-8, a byte order that nobody knows."""
+    rig.settle()
+    good = serialize_message(image(SCENE[:40, :40].copy()))
+    frame, encoding = good.index(b'camera_optical'), good.index(b'mono8')
+    size = good.index((1600).to_bytes(4, 'little'))
+    for at, damage in ((frame, b'\xff\xfe\xff'), (encoding, b'\xff\xc3'), (encoding, b'a\0b'),
+                       (frame - 4, b'\xff\xff\xff\x7f'), (frame - 4, bytes(4)),
+                       (size, b'\xff\xff\xff\x7f'), (0, bytes(4)), (0, b'\0\x0b\0\0')):
+        rig.publish(good[:at] + damage + good[at + len(damage):])
+        rig.publish(good[:at])
+        assert same(rig.detect(image(SCENE)), EXPECTED), (at, damage)
+    account(rig)
+
+
 def test_a_camera_that_is_killed_and_comes_back(peer: Peer) -> None:
     rig = Rig(peer)
     found = rig.received['segments']
@@ -170,3 +194,14 @@ def test_a_camera_that_is_killed_and_comes_back(peer: Peer) -> None:
         assert rig.report('no frame came in').level == DiagnosticStatus.WARN
     assert 'Traceback' not in rig.process.output
     assert rig.process.stop() == 0
+
+
+def test_a_result_that_cannot_be_built(peer: Peer, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An error of this package in one of them keeps back no other, and is counted and logged."""
+    monkeypatch.setattr('rig.NODE', ('-c', WITHOUT_OVERLAY, '--ros-args'))
+    rig = Rig(peer, listen=('segments', 'overlay', 'camera_info'), lens='fixed').ready()
+    assert rig.detect(image(SCENE)).width
+    assert rig.detect(image(SCENE), 'camera_info').width == 320
+    assert int(values(rig.report('frames bad: internal error'))['frames bad: internal error']) > 0
+    peer.until(lambda: 'ZeroDivisionError: no overlay' in rig.process.output)
+    assert not rig.received['overlay']

@@ -5,6 +5,8 @@ import numpy as np
 import pytest
 from qflsd_ros.core import Arcs, Detector, DivisionModel
 from qflsd_ros.core.calibration import calibration
+from qflsd_ros.core.estimation import LensEstimate
+from qflsd_ros.core.tracking import LensTracker
 from qflsd_ros.ros import lens
 from qflsd_ros.ros.node_parameters import NodeParameters
 from qflsd_ros.sources import Scene
@@ -83,3 +85,30 @@ def test_a_lens_that_is_not_known(settings, text):
     assert error.value.reason == 'no lens'
     model = DivisionModel(-0.4, SHAPE)
     assert lens.required(model, settings) is model
+
+
+class Forgetful(LensTracker):
+    """A tracker whose other thread begins anew as soon as somebody has looked at the estimate."""
+
+    forgets = False
+
+    @property
+    def estimate(self) -> LensEstimate | None:
+        found = self._found
+        if self.forgets:
+            self._found = None
+        return found
+
+    @estimate.setter
+    def estimate(self, value: LensEstimate | None) -> None:
+        self._found = value
+
+
+def test_diagnostics_ask_while_the_lens_is_forgotten(monkeypatch):
+    """An image of another size begins the estimate anew, in the midst of a report."""
+    monkeypatch.setattr(lens, 'LensTracker', Forgetful)
+    camera, settings = lens.CameraLens(), NodeParameters(lens='estimate')
+    assert camera.follow(ARCS, SHAPE, settings) is not None
+    monkeypatch.setattr(Forgetful, 'forgets', True)
+    assert 'lens lambda deviation' in camera.values(settings)
+    assert 'lens lambda deviation' not in camera.values(settings)
