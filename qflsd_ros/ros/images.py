@@ -11,14 +11,13 @@ from typing import Callable, NamedTuple, TYPE_CHECKING
 
 import cv2
 import numpy as np
+from qflsd_ros.sources.depth import eight_bits
 from qflsd_ros.sources.encoded import MAX_SIDE
 from qflsd_ros.sources.frames import FrameError
 
 if TYPE_CHECKING:
     from qflsd_ros.sources.frames import Frame
     from sensor_msgs.msg import Image
-
-WHITE = {'u2': 65535.0, 'f4': 1.0}  # the white level of a type unless another is given
 
 
 class ImageError(FrameError):
@@ -110,7 +109,7 @@ def read(message: Image | Frame, white_level: float = 0.0) -> np.ndarray:
         strides=(message.step, layout.channels * dtype.itemsize, dtype.itemsize))
     # OpenCV misreads rows of 16 bits that begin at an odd address.
     gray = layout.to_gray(np.require(pixels, dtype.newbyteorder('='), ['ALIGNED']))
-    return gray if layout.dtype == 'u1' else _scaled(gray, white_level or WHITE[layout.dtype])
+    return eight_bits(gray, white_level or None)
 
 
 def _check_size(message: Image | Frame, layout: Layout) -> None:
@@ -124,10 +123,3 @@ def _check_size(message: Image | Frame, layout: Layout) -> None:
     if size < step * height:
         raise ImageError('data too short', f'{what}: holds {size} bytes, must be at least '
                          f'step x height = {step} x {height} = {step * height}')
-
-
-def _scaled(gray: np.ndarray, white: float) -> np.ndarray:
-    if gray.dtype.kind == 'f':
-        # convertScaleAbs would mirror what is below 0, and has no rule for inf and nan.
-        gray = np.fmin(np.fmax(gray, 0), white)
-    return cv2.convertScaleAbs(gray, alpha=255 / white)

@@ -5,13 +5,13 @@ from collections.abc import Iterator
 from pathlib import Path
 import re
 
-import cv2
 import numpy as np
 
-from qflsd_ros.sources.encoded import decode, DecodingError
+from qflsd_ros.sources.encoded import COLOUR, decode_eight_bits, DecodingError, GRAY
 from qflsd_ros.sources.frames import Frame, Report, Source, SourceError
 
-IMAGE_SUFFIXES = ('.bmp', '.jpeg', '.jpg', '.pgm', '.png', '.ppm', '.tif', '.tiff', '.webp')
+IMAGE_SUFFIXES = ('.bmp', '.dib', '.jfif', '.jpe', '.jpeg', '.jpg', '.pbm', '.pgm', '.png', '.pnm',
+                  '.ppm', '.tif', '.tiff', '.webp')
 
 
 class Images(Source):
@@ -61,13 +61,16 @@ def natural_order(path: Path) -> list[tuple[int, str]]:
             for part in re.split(r'(\d+)', path.name)]
 
 
-def read_image(path: Path, colour: bool) -> np.ndarray:
-    """Read an image as the sensor saw it, (H, W) or in colour (H, W, 3) B, G, R uint8."""
+def read_image(path: Path, colour: bool, white_level: float | None = None) -> np.ndarray:
+    """
+    Read an image as the sensor saw it, (H, W) or in colour (H, W, 3) B, G, R uint8.
+
+    ``white_level`` is that of :func:`qflsd_ros.sources.encoded.decode_eight_bits`.
+    """
     check_file(path)
-    flag = cv2.IMREAD_COLOR if colour else cv2.IMREAD_GRAYSCALE
+    flags = COLOUR if colour else GRAY
     try:
-        # An orientation tag would turn the coordinates.
-        return decode(path.read_bytes(), flag | cv2.IMREAD_IGNORE_ORIENTATION, repr(str(path)))
+        return decode_eight_bits(path.read_bytes(), flags, repr(str(path)), white_level)
     except OSError as error:
         raise SourceError(f'{str(path)!r}: {error.strerror}') from error
     except DecodingError as error:
