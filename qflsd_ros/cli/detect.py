@@ -105,6 +105,8 @@ def check(arguments: argparse.Namespace, files: list[Path], problems: list[str])
     check_places(arguments.output, files)
     try:
         arguments.output.mkdir(parents=True, exist_ok=True)
+        with private_room(arguments.output):
+            pass
     except OSError as error:
         raise SettingsError(f'--output {str(arguments.output)!r}: {error.strerror}') from error
 

@@ -87,14 +87,17 @@ def find(arguments: Iterable[str]) -> tuple[list[Path], list[str]]:
 
 def _expand(argument: str, complain: Report) -> Iterator[Path]:
     path = Path(argument)
+    if os.path.isdir(path) and not is_bag(path):
+        yield from _contents(path, complain)
+        return
     matches = [path] if os.path.exists(path) else _matches(path)
     if not matches:
         complain(f'{argument!r}: no such file, and no file matches it')
     for match in matches:
-        if not match.is_dir() or is_bag(match):
-            yield match
+        if match.is_dir() and not is_bag(match):
+            yield from _contents(match, lambda _: None)     # a pattern matches anything
         else:
-            yield from _contents(match, complain)
+            yield match
 
 
 def _contents(folder: Path, complain: Report) -> list[Path]:
