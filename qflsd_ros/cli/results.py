@@ -68,7 +68,7 @@ def description(picture: Picture, shape: tuple[int, int], arcs: Arcs,
 
 
 def lens(model: DivisionModel | None, estimate: LensEstimate | None) -> dict[str, Any] | None:
-    """Return a lens for JSON, with null for what only an estimate has; None where none is known."""
+    """Return a lens for JSON, null for what only an estimate has; None where none is known."""
     if model is None:
         return None
     known = {'lambda': model.lam, 'centre': model.origin.tolist()}

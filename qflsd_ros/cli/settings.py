@@ -93,7 +93,8 @@ def read(arguments: argparse.Namespace, tell: Callable[[str], None]) -> Settings
 def _from_file(path: Path, node: str, tell: Callable[[str], None]) -> dict[str, Any]:
     """Return what a ROS parameter file says of a node."""
     if not NAME.fullmatch(node):
-        raise SettingsError(f'--node is {node!r}: must be the full name of a node, as /left/detector')
+        raise SettingsError(f'--node is {node!r}: must be the full name of a node, as '
+                            '/left/detector')
     try:
         sections = parameter_file.read(path)
     except FileError as error:

@@ -45,7 +45,7 @@ class CameraLens:
         return self._model
 
     def estimate(self, settings: NodeParameters) -> LensEstimate | None:
-        """Return the estimate by the frames so far; None where they do not tell, or none is asked."""
+        """Return the estimate by the frames so far; None where there is none, or none is asked."""
         return self._tracking(settings).estimate if settings.lens == 'estimate' else None
 
     def _tracking(self, settings: NodeParameters) -> LensTracker:

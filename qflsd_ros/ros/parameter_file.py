@@ -122,8 +122,9 @@ def unmatched(path: Path, sections: dict[str, Section], node: str) -> str:
 def _sections(node: yaml.Node, above: str) -> Iterator[tuple[str, int, yaml.Node]]:
     """Yield the name of every section, its line and what it holds."""
     if not isinstance(node, yaml.MappingNode):
-        raise FileError(f'line {node.start_mark.line + 1}: must have the layout of a ROS parameter '
-                        f'file: "/**:", below it "{SECTION}:", below that "name: value" lines')
+        raise FileError(f'line {node.start_mark.line + 1}: must have the layout of a ROS '
+                        f'parameter file: "/**:", below it "{SECTION}:", below that '
+                        '"name: value" lines')
     for key, value in node.value:
         line = key.start_mark.line + 1
         name = _name(key)
@@ -174,6 +175,6 @@ def _plain(text: str) -> bool | int | float | str:
     if DECIMAL.fullmatch(text):
         number = float(text)
         # What is too large or too small for a number stays text.
-        lost = abs(number) == float('inf') or number == 0 and re.search('[1-9]', text.split('e')[0])
-        return text if lost else number
+        small = number == 0 and re.search('[1-9]', text.lower().partition('e')[0])
+        return text if small or abs(number) == float('inf') else number
     return float(text.replace('.', '')) if NOT_FINITE.fullmatch(text) else text

@@ -5,7 +5,6 @@ import csv
 import json
 import os
 from pathlib import Path
-import signal
 import subprocess
 import sys
 import time

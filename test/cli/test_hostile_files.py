@@ -204,9 +204,11 @@ def test_a_whole_video_is_taken_for_whole(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize('text', [
     '[' * 5000, '&a [*a, *a]', '!!bool 3', '? [a]\n: b', '/**: &a {ros__parameters: *a}', '\x00',
-    '%YAML 9', '{"/**": {ros__parameters: {tolerance: {a: [b: 1]}}}}', '{"": {ros__parameters: 1}}',
+    '%YAML 9', '{"/**": {ros__parameters: {tolerance: {a: [b: 1]}}}}',
+    '{"": {ros__parameters: 1}}',
     '{"/**": {ros__parameters: {tolerance: 1.0e+999}}}', '{"/**": {ros__parameters: {[1]: 1}}}',
-    '{"/**": {ros__parameters: {tolerance: .nan}}}', '{"/**": {ros__parameters: {tolerance: [1]}}}',
+    '{"/**": {ros__parameters: {tolerance: .nan}}}',
+    '{"/**": {ros__parameters: {tolerance: [1]}}}',
     f'{{"/**": {{ros__parameters: {{paper_seed: {"9" * 99}}}}}}}', '# ' + 'x' * (1 << 20)])
 def test_a_parameter_file_that_means_no_good(
         tmp_path: Path, capfd: pytest.CaptureFixture[str], text: str) -> None:

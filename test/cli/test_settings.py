@@ -21,7 +21,8 @@ def read_all(*flags: str, params: object = None, folder: Path | None = None) -> 
     """Return the settings of a command line; ``params`` is the content of its file."""
     if params is not None:
         assert folder is not None
-        (folder / 'p.yaml').write_text(params if isinstance(params, str) else yaml.dump(params, sort_keys=False))
+        text = params if isinstance(params, str) else yaml.dump(params, sort_keys=False)
+        (folder / 'p.yaml').write_text(text)
         flags += ('--params', str(folder / 'p.yaml'))
     SAID.clear()
     return settings.read(parser().parse_args(['a.png', *flags]), SAID.append)
