@@ -1,6 +1,7 @@
 """What the README says of parameters, topics and the Python library is so."""
 from __future__ import annotations
 
+import importlib
 from pathlib import Path
 import re
 import runpy
@@ -97,7 +98,7 @@ def test_snippets_in_python_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     gray = picture()
     cv2.imwrite('photo.jpg', gray, [cv2.IMWRITE_JPEG_QUALITY, 100])
     arcs = Detector().detect(gray)
-    lens, messages, library = code('python')
+    lens, messages, library, scene = code('python')
     scope: dict[str, Any] = {'segments_message': outputs.segments(Header(), arcs, 0.1),
                              'arcs_message': outputs.arc_records(Header(), arcs)}
     exec(compile(messages, 'README.md', 'exec'), scope)
@@ -112,6 +113,18 @@ def test_snippets_in_python_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     scope = {}
     exec(compile(library, 'README.md', 'exec'), scope)
     assert len(scope['straight']) == len(scope['arcs']) >= 4
+    scope = {}
+    exec(compile(scene, 'README.md', 'exec'), scope)
+    assert scope['image'].shape == (480, 640) and len(scope['truth'])
+
+
+def test_code_in_a_line_runs() -> None:
+    """Whatever is written as an expression or import of this package between backquotes."""
+    plain = re.sub(r'^```.*?^```', '', README, flags=re.DOTALL | re.MULTILINE)
+    for text in re.findall(r'`([^`\n]*qflsd_ros\.[^`\n]*\(.*?)`', plain):
+        exec(text, {})
+    for module in re.findall(r'`(qflsd_ros(?:\.\w+)+)`', plain):
+        importlib.import_module(module)
 
 
 def test_links_lead_somewhere() -> None:

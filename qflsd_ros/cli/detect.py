@@ -2,9 +2,8 @@
 from __future__ import annotations
 
 import argparse
-from concurrent.futures import as_completed, FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from dataclasses import dataclass
-import multiprocessing
+from contextlib import closing
+from dataclasses import replace
 import os
 from pathlib import Path
 import sys
@@ -12,101 +11,56 @@ import time
 from typing import Iterable, Iterator
 
 import cv2
-from qflsd_ros import rows
-from qflsd_ros.cli import inputs, recordings, results, settings
+from qflsd_ros.cli import inputs, recordings, settings
 from qflsd_ros.cli.inputs import Picture
-from qflsd_ros.cli.interruption import deferred
-from qflsd_ros.cli.recordings import Cloud, Recordings
-from qflsd_ros.cli.settings import SettingsError
-from qflsd_ros.core import (
-    Arcs, Detector, estimate_distortion, Parameters, with_straightness)
-from qflsd_ros.ros.node_parameters import NodeParameters
+from qflsd_ros.cli.interruption import Interrupted, raised
+from qflsd_ros.cli.recordings import Recordings
+from qflsd_ros.cli.settings import Settings, SettingsError
+from qflsd_ros.cli.work import Outcome, Task, Work
+from qflsd_ros.cli.workers import Workers
+from qflsd_ros.cli.writing import private_room
+from qflsd_ros.ros.lens import CameraLens
 from qflsd_ros.sources.frames import Report, SourceError
 from tqdm import tqdm
 
-FAILED, USAGE, INTERRUPTED = 1, 2, 130  # exit codes
+FAILED, USAGE = 1, 2  # exit codes; 128 and the number of the signal that has interrupted it
 
 
-@dataclass(frozen=True)
-class Outcome:
+def tasks(pictures: Iterable[Picture], work: Work) -> Iterator[Task]:
     """
-    What came of one picture: arcs and CPU time (s) of their detection, or what went wrong.
+    Return what is to do of each picture.
 
-    Of a recorded image, the segments as well.
+    Arcs of a frame are found here, for the lens is known by the frames before it; an image file is
+    for itself.
     """
-
-    arcs: int = 0
-    seconds: float = 0.0
-    error: str = ''
-    cloud: Cloud | None = None
-
-
-class Work:
-    """Detects arcs in a picture and writes its results; sent to every worker process once."""
-
-    def __init__(self, parameters: Parameters, folder: Path) -> None:
-        """Take the parameters and the folder of the results, and make the detector ready."""
-        self._folder = folder
-        self._detector = Detector(parameters)
-        self._detector.warm_up()
-
-    def __call__(self, picture: Picture) -> Outcome:
-        """Work on one picture."""
-        try:
-            pixels = picture.read()
-            gray = cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY)
-            begin = time.process_time()
-            arcs = self._detector.detect(gray)
-            seconds = time.process_time() - begin
-            lens = estimate_distortion([arcs], gray.shape)
-            arcs = with_straightness(arcs, lens and lens.model)
-            results.write(self._folder, picture, pixels, arcs, lens, self._detector.parameters)
-        except SourceError as error:
-            return Outcome(error=str(error))
-        except OSError as error:
-            return Outcome(error=f'results of {picture.name!r} cannot be written: {error}')
-        return Outcome(len(arcs), seconds, cloud=_cloud(picture, arcs))
+    camera, path = CameraLens(), None
+    for picture in pictures:
+        if picture.frame is None:
+            yield Task(picture)
+            continue
+        if picture.path != path:
+            camera, path = CameraLens(), picture.path
+        found = work.found(picture, camera)
+        yield Task(replace(picture, pixels=None, message=None), found)
 
 
-def _cloud(picture: Picture, arcs: Arcs) -> Cloud | None:
-    if picture.moment is None:
-        return None
-    bag = picture.name.rpartition('/')[0]
-    return Cloud(bag, picture.moment, rows.of_segments(arcs, NodeParameters.polyline_tolerance))
-
-
-_work: Work | None = None  # of a worker process
-
-
-def _start_worker(parameters: Parameters, folder: Path) -> None:
-    global _work
-    cv2.setNumThreads(1)
-    _work = Work(parameters, folder)
-
-
-def _run_worker(picture: Picture) -> Outcome:
-    assert _work is not None
-    return _work(picture)
-
-
-def outcomes(pictures: Iterable[Picture], parameters: Parameters, folder: Path,
+def outcomes(pictures: Iterable[Picture], settings: Settings, folder: Path, room: Path,
              jobs: int) -> Iterator[Outcome]:
     """Work on pictures in ``jobs`` processes; return what came of them as they are done."""
-    work = Work(parameters, folder)  # compiles the kernels once, before the workers load them
+    work = Work(settings, folder, room)  # compiles the kernels once, before the workers load them
     if jobs == 1:
-        yield from map(work, pictures)
+        yield from map(work, tasks(pictures, work))
         return
-    # In this order: the pool starts a process of multiprocessing's own, which unblocks SIGINT.
-    with ProcessPoolExecutor(jobs, multiprocessing.get_context('spawn'), _start_worker,
-                             (parameters, folder)) as pool, deferred() as check:
-        running: set[Future[Outcome]] = set()
-        for picture in pictures:
-            check()
-            running.add(pool.submit(_run_worker, picture))
-            if len(running) == 2 * jobs:  # frames of a video must not pile up
-                done, running = wait(running, return_when=FIRST_COMPLETED)
-                yield from (future.result() for future in done)
-        yield from (future.result() for future in as_completed(running))
+    with Workers[Task, Outcome](jobs, start, settings, folder, room) as workers:
+        for task, outcome in workers.run(tasks(pictures, work)):
+            yield outcome or Outcome(error=f'{str(task.picture.path)!r}: the process that worked '
+                                     f'on {task.picture.name!r} was killed')
+
+
+def start(settings: Settings, folder: Path, room: Path) -> Work:
+    """Return what a worker process does."""
+    cv2.setNumThreads(1)
+    return Work(settings, folder, room)
 
 
 def readable(files: list[Path], topic: str, complain: Report, tell: Report) -> Iterator[Picture]:
@@ -135,35 +89,46 @@ def parser() -> argparse.ArgumentParser:
                         help='topic of rosbag2s to read (default: the first with images)')
     result.add_argument('--params', type=Path, metavar='FILE',
                         help='ROS parameter file, as config/detector.yaml')
+    result.add_argument('--node', default=settings.NODE, metavar='NAME',
+                        help='full name of the node whose sections of that file count '
+                        '(default: %(default)s)')
     settings.add_flags(result)
     return result
 
 
-def check(arguments: argparse.Namespace, files: list[Path]) -> None:
+def check(arguments: argparse.Namespace, files: list[Path], problems: list[str]) -> None:
     """Raise :class:`SettingsError` where nothing can be done, or too much would be."""
     if arguments.jobs < 1:
         raise SettingsError(f'--jobs is {arguments.jobs}: must be at least 1')
     if not files:
-        raise SettingsError('no input found: INPUT must be an image, a video, a folder of them '
-                            'or a glob pattern that matches some')
-    folder = arguments.output
-    written = {os.path.realpath(folder / f'{name}.png') for name in inputs.names(files)}
-    for path in files:
-        if os.path.realpath(path) in written:
-            raise SettingsError(f'{str(path)!r} would be overwritten by its own results: '
-                                'choose another folder by --output')
-    for path, name in zip(files, inputs.names(files)):
+        raise SettingsError(f'no input found: {"; ".join(problems)}')
+    check_places(arguments.output, files)
+    try:
+        arguments.output.mkdir(parents=True, exist_ok=True)
+        with private_room(arguments.output):
+            pass
+    except OSError as error:
+        raise SettingsError(f'--output {str(arguments.output)!r}: {error.strerror}') from error
+
+
+def check_places(folder: Path, files: list[Path]) -> None:
+    """Raise :class:`SettingsError` where results would take the place of inputs or of a bag."""
+    names = inputs.names(files)
+    written = {os.path.realpath(folder / f'{name}.png') for name in names}
+    frames = {os.path.realpath(folder / name) for path, name in zip(files, names)
+              if not inputs.is_image(path)}
+    for path in map(os.path.realpath, files):
+        if path in written or os.path.dirname(path) in frames:
+            raise SettingsError(f'{path!r} would be overwritten by results: choose another folder '
+                                'by --output')
+    for path, name in zip(files, names):
         bag = recordings.path_of(folder, name)
-        if inputs.is_bag(path) and bag.exists():
+        if inputs.is_bag(path) and os.path.lexists(bag):
             raise SettingsError(f'{str(bag)!r} is already there: remove it or choose another '
                                 'folder by --output')
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise SettingsError(f'--output {str(folder)!r}: {error.strerror}') from error
 
 
-def run(files: list[Path], missing: list[str], parameters: Parameters,
+def run(files: list[Path], problems: list[str], chosen: Settings,
         arguments: argparse.Namespace) -> int:
     """Work on all files, say what came of it, and return the exit code."""
     begin, done, errors = time.perf_counter(), [], []
@@ -177,11 +142,12 @@ def run(files: list[Path], missing: list[str], parameters: Parameters,
             errors.append(text)
             tell(text)
 
-        for argument in missing:
-            complain(f'{argument!r}: no such file, and no file matches it')
+        for problem in problems:
+            complain(problem)
         pictures = readable(files, topic, complain, tell)
-        with Recordings(folder, complain) as bags:
-            for outcome in outcomes(pictures, parameters, folder, jobs):
+        with private_room(folder) as room, Recordings(folder, room, complain) as bags, \
+                closing(outcomes(pictures, chosen, folder, room, jobs)) as results:
+            for outcome in results:
                 progress.update()
                 if outcome.error:
                     complain(outcome.error)
@@ -190,27 +156,46 @@ def run(files: list[Path], missing: list[str], parameters: Parameters,
                 if outcome.cloud:
                     bags.write(outcome.cloud)
     milliseconds = 1e3 * sum(outcome.seconds for outcome in done) / max(1, len(done))
-    print(f'{len(done)} images, {sum(outcome.arcs for outcome in done)} arcs in '
-          f'{time.perf_counter() - begin:.1f} s, {milliseconds:.2f} ms of detection (CPU) per '
-          f'image, {len(errors)} failed; results in {folder}')
-    return FAILED if errors else 0
+    said = summarise(f'{len(done)} images, {sum(outcome.arcs for outcome in done)} arcs in '
+                     f'{time.perf_counter() - begin:.1f} s, {milliseconds:.2f} ms of detection '
+                     f'(CPU) per image, {len(errors)} failed; results in {folder}')
+    return FAILED if errors or not said else 0
+
+
+def summarise(text: str) -> bool:
+    """Print a line on stdout; return whether that could be done, or nobody wants it."""
+    try:
+        print(text, flush=True)
+    except OSError as error:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)    # Python tries once more at its end
+        if not isinstance(error, BrokenPipeError):
+            say(f'the summary cannot be written: {error.strerror}')
+            return False
+    return True
 
 
 def main(args: list[str] | None = None) -> int:
     """Run the command; return its exit code."""
     arguments = parser().parse_args(args)
-    files, missing = inputs.find(arguments.input)
     try:
-        check(arguments, files)
-        parameters = settings.read(arguments)
+        with raised():
+            files, problems = inputs.find(arguments.input)
+            check(arguments, files, problems)
+            chosen = settings.read(arguments, say)
+            return run(files, problems, chosen, arguments)
     except SettingsError as error:
-        print(f'detect: {error}', file=sys.stderr)
+        say(str(error))
         return USAGE
-    try:
-        return run(files, missing, parameters, arguments)
-    except KeyboardInterrupt:
-        print('detect: interrupted; what is written is whole', file=sys.stderr)
-        return INTERRUPTED
+    except Interrupted as error:
+        say(f'interrupted by {error}; what is written is whole')
+        return 128 + error.number
+    except BrokenPipeError:     # nobody reads stderr any more
+        return FAILED
+
+
+def say(text: str) -> None:
+    """Print a line on stderr."""
+    print(f'detect: {text}', file=sys.stderr)
 
 
 if __name__ == '__main__':

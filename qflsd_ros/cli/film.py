@@ -1,13 +1,14 @@
 """Pictures as they come, as a video."""
 from __future__ import annotations
 
-import os
+from contextlib import ExitStack
 from pathlib import Path
 import time
 
 import cv2
 import numpy as np
 
+from qflsd_ros.cli.writing import private_room, publish
 from qflsd_ros.sources.video import quiet_capture
 
 RATE = 30  # frames per second
@@ -23,20 +24,23 @@ class Film:
 
     def __init__(self, path: Path) -> None:
         """Write to ``path``, whose name ends in .mp4."""
-        self._path, self._partial = path, path.with_name(f'.{path.stem}.part.mp4')
+        self._path, self._stack = path, ExitStack()
         self._writer: cv2.VideoWriter | None = None
 
     def __enter__(self) -> Film:
         """Make the folder."""
         self._path.parent.mkdir(parents=True, exist_ok=True)
+        # OpenCV follows links.
+        self._partial = self._stack.enter_context(private_room(self._path.parent)) / 'film.mp4'
         return self
 
     def __exit__(self, *_: object) -> None:
         """Finish the file."""
-        if self._writer is not None:
-            self._hold(self._last)
-            self._writer.release()
-            self._publish()
+        with self._stack:
+            if self._writer is not None:
+                self._hold(self._last)
+                self._writer.release()
+                self._publish()
 
     def show(self, pixels: np.ndarray) -> None:
         """Take a picture, (H, W, 3) uint8 B, G, R; OSError where the file cannot be written."""
@@ -58,10 +62,9 @@ class Film:
     def _publish(self) -> None:
         """Give the file its name; OpenCV does not tell whether all of it could be written."""
         if quiet_capture(str(self._partial)).get(cv2.CAP_PROP_FRAME_COUNT) < self._frames:
-            self._partial.unlink(missing_ok=True)
             raise OSError(f'{str(self._path)!r}: could not be written to its end: is the disk '
                           'full?')
-        os.replace(self._partial, self._path)
+        publish(self._partial, self._path.parent, self._path.name)
 
     def _hold(self, pixels: np.ndarray) -> None:
         """Show a picture until now."""

@@ -2,13 +2,14 @@
 from __future__ import annotations
 
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import ExitStack
 from pathlib import Path
 import time
 
 import cv2
 import numpy as np
 
-from qflsd_ros.cli.writing import write_whole
+from qflsd_ros.cli.writing import private_room, write_whole
 
 
 class Gallery:
@@ -33,17 +34,20 @@ class Gallery:
         self._known: set[int] = set()
         self._last = -interval
         self._thread = ThreadPoolExecutor(1)
+        self._stack = ExitStack()
         self._writing: Future[None] | None = None
 
     def __enter__(self) -> Gallery:
         """Make the folder."""
         self._folder.mkdir(parents=True, exist_ok=True)
+        self._room = self._stack.enter_context(private_room(self._folder))
         return self
 
     def __exit__(self, *_: object) -> None:
         """Wait for what is being written; OSError where it could not be."""
-        self._thread.shutdown()
-        self._collect()
+        with self._stack:
+            self._thread.shutdown()
+            self._collect()
 
     def show(self, pixels: np.ndarray, source: int | None) -> None:
         """
@@ -60,12 +64,11 @@ class Gallery:
         self._known.add(source)
         self._last = now
         self.paths.append(self._folder / f'{len(self.paths) + 1:04d}.png')
-        self._writing = self._thread.submit(_write, self.paths[-1], pixels)
+        self._writing = self._thread.submit(self._write, self.paths[-1].name, pixels)
 
     def _collect(self) -> None:
         if self._writing:
             self._writing.result()
 
-
-def _write(path: Path, pixels: np.ndarray) -> None:
-    write_whole(path, cv2.imencode('.png', pixels)[1].tobytes())
+    def _write(self, name: str, pixels: np.ndarray) -> None:
+        write_whole(self._folder, name, cv2.imencode('.png', pixels)[1].tobytes(), self._room)

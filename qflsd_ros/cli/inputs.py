@@ -6,13 +6,15 @@ from dataclasses import dataclass
 import os
 from pathlib import Path
 from typing import Iterable, Iterator, NamedTuple
+import unicodedata
 
 import cv2
 import numpy as np
 from qflsd_ros.ros import images
 from qflsd_ros.sources.bag import Bag, STORAGE_SUFFIXES
+from qflsd_ros.sources.encoded import GRAY
 from qflsd_ros.sources.files import IMAGE_SUFFIXES, natural_order, read_image
-from qflsd_ros.sources.frames import FrameError, Report, report_by_log, SourceError
+from qflsd_ros.sources.frames import Frame, Report, report_by_log, SourceError
 from qflsd_ros.sources.video import quiet_capture, Video
 
 # In a folder, these are taken for videos; a file named on its own is one unless it is an image.
@@ -41,8 +43,9 @@ class Picture:
     frame
         Its number in a video or rosbag2, from 0; None for an image file.
     pixels
-        (H, W, 3) uint8 B, G, R of a frame; None for an image file, which whoever works on it
-        reads.
+        (H, W, 3) uint8 B, G, R of a frame; None for what is read by whoever works on it.
+    message
+        A recorded image; None for any other.
     moment
         Of an image of a rosbag2; None for any other.
 
@@ -52,38 +55,63 @@ class Picture:
     name: str
     frame: int | None = None
     pixels: np.ndarray | None = None
+    message: Frame | None = None
     moment: Moment | None = None
 
-    def read(self) -> np.ndarray:
-        """Return (H, W, 3) uint8 B, G, R; SourceError where the file cannot be read."""
-        return read_image(self.path, colour=True) if self.pixels is None else self.pixels
+    def read(self, white_level: float | None = None) -> np.ndarray:
+        """
+        Return (H, W, 3) uint8 B, G, R, of a recorded image (H, W) uint8 as the node sees it.
+
+        ``white_level`` is the value that becomes 255 in images of 16 bits or floats, None for that
+        of their format.  Raises SourceError where a file cannot be read, FrameError where a
+        recorded image cannot.
+        """
+        if self.message is not None:
+            return images.read(self.message, white_level or 0.0)
+        return read_image(self.path, True, white_level) if self.pixels is None else self.pixels
 
 
 def find(arguments: Iterable[str]) -> tuple[list[Path], list[str]]:
     """
-    Return the files that arguments stand for, each once, in order, and which stand for none.
+    Return the files that arguments stand for, each once, in order; and a line for what is none.
 
     An argument is a file, a rosbag2, a folder (its images and videos) or a glob pattern.
     """
     files: dict[Path, Path] = {}
-    missing = []
+    problems: list[str] = []
     for argument in arguments:
-        found = list(_expand(argument))
-        if not found:
-            missing.append(argument)
-        for path in found:
+        for path in _expand(argument, problems.append):
             files.setdefault(Path(os.path.realpath(path)), path)
-    return list(files.values()), missing
+    return list(files.values()), problems
 
 
-def _expand(argument: str) -> Iterator[Path]:
+def _expand(argument: str, complain: Report) -> Iterator[Path]:
     path = Path(argument)
-    for match in [path] if path.exists() else _matches(path):
+    if os.path.isdir(path) and not is_bag(path):
+        yield from _contents(path, complain)
+        return
+    matches = [path] if os.path.exists(path) else _matches(path)
+    if not matches:
+        complain(f'{argument!r}: no such file, and no file matches it')
+    for match in matches:
         if match.is_dir() and not is_bag(match):
-            yield from (file for file in sorted(match.iterdir(), key=natural_order)
-                        if file.suffix.lower() in IMAGE_SUFFIXES + VIDEO_SUFFIXES)
+            yield from _contents(match, lambda _: None)     # a pattern matches anything
         else:
             yield match
+
+
+def _contents(folder: Path, complain: Report) -> list[Path]:
+    """Return the images and videos of a folder in natural order."""
+    suffixes = IMAGE_SUFFIXES + VIDEO_SUFFIXES
+    try:
+        found = [file for file in folder.iterdir() if file.suffix.lower() in suffixes]
+    except OSError as error:
+        complain(f'{str(folder)!r}: {error.strerror}')
+        return []
+    if not found:
+        complain(f'{str(folder)!r}: no image or video in this folder: their names must end in '
+                 f'{", ".join(suffixes)}')
+    return sorted(found, key=natural_order)
 
 
 def _matches(pattern: Path) -> list[Path]:
@@ -91,15 +119,15 @@ def _matches(pattern: Path) -> list[Path]:
     folder = Path(pattern.anchor)
     try:
         found = sorted(folder.glob(str(pattern.relative_to(folder))))
-    except ValueError:
-        return []  # ** and something else between two slashes
+    except (OSError, ValueError):
+        return []  # a name too long, ** and something else between two slashes
     return [path for path in found
             if not any(part.startswith('.') and part not in pattern.parts for part in path.parts)]
 
 
 def count(path: Path, topic: str) -> int:
     """Return the number of pictures in a file; of a video or rosbag2, what it says of itself."""
-    if _is_image(path):
+    if is_image(path):
         return 1
     if is_bag(path):
         try:
@@ -113,10 +141,11 @@ def count(path: Path, topic: str) -> int:
 
 def is_bag(path: Path) -> bool:
     """Tell a rosbag2, a folder or a file, from anything else."""
-    return (path / 'metadata.yaml').exists() or path.suffix.lower() in STORAGE_SUFFIXES
+    return os.path.exists(path / 'metadata.yaml') or path.suffix.lower() in STORAGE_SUFFIXES
 
 
-def _is_image(path: Path) -> bool:
+def is_image(path: Path) -> bool:
+    """Tell an image file, by the end of its name, from anything else."""
     return path.suffix.lower() in IMAGE_SUFFIXES
 
 
@@ -125,32 +154,43 @@ def names(files: list[Path]) -> list[str]:
     Return a name for each file, no two alike: its own, with more of its path where it must be.
 
     Files of one folder that differ in their suffix alone keep it; files of the same name in
-    different folders get the folder's name before theirs.
+    different folders get the folder's name before theirs.  Names that differ in capitals alone are
+    alike: the disk of the results may make no difference.
     """
     folders = [Path(os.path.realpath(path.parent)) for path in files]
-    alike = Counter((folder, path.stem) for folder, path in zip(folders, files))
-    parts = [(*folder.parts[1:], path.stem if alike[folder, path.stem] == 1 else path.name)
+    stems = Counter((folder, _folded(path.stem)) for folder, path in zip(folders, files))
+    twins = Counter((folder, _folded(path.name)) for folder, path in zip(folders, files))
+    parts = [(*folder.parts[1:],
+              path.stem if stems[folder, _folded(path.stem)] == 1 else path.name)
              for folder, path in zip(folders, files)]
+    # No folder tells A.png from a.png beside it.
+    short = [twins[folder, _folded(path.name)] > 1 for folder, path in zip(folders, files)]
     result = [part[-1] for part in parts]
     for depth in range(2, max(map(len, parts), default=1) + 1):
-        count = Counter(result)
-        result = [name if count[name] == 1 else '_'.join(part[-depth:])
-                  for name, part in zip(result, parts)]
+        count = Counter(map(_folded, result))
+        result = [name if count[_folded(name)] == 1 or alone else '_'.join(part[-depth:])
+                  for name, part, alone in zip(result, parts, short)]
     return _numbered(result)
 
 
 def _numbered(wanted: list[str]) -> list[str]:
     """Give numbers to what is still alike: a_b/c and a/b_c."""
+    all_wanted = set(map(_folded, wanted))
     taken: set[str] = set()
     result = []
     for name in wanted:
         free, number = name, 1
-        while free in taken or (number > 1 and free in wanted):
+        while _folded(free) in taken or (number > 1 and _folded(free) in all_wanted):
             number += 1
             free = f'{name}_{number}'
-        taken.add(free)
+        taken.add(_folded(free))
         result.append(free)
     return result
+
+
+def _folded(name: str) -> str:
+    """Return what names that a disk may take for the same have in common."""
+    return unicodedata.normalize('NFC', name).casefold()
 
 
 def pictures(path: Path, name: str, topic: str, report: Report, tell: Report) -> Iterator[Picture]:
@@ -161,26 +201,21 @@ def pictures(path: Path, name: str, topic: str, report: Report, tell: Report) ->
     first with images.  ``report`` is called with what cannot be read, ``tell`` with what else
     there is to know.  Raises SourceError where a video or rosbag2 as a whole cannot be read.
     """
-    if _is_image(path):
+    if is_image(path):
         yield Picture(path, name)
     elif is_bag(path):
-        bag = Bag(path, topic, report)
+        bag = Bag(path, topic, report, GRAY)
         if bag.note:
             tell(f'{bag.note}: choose by --topic')
-        yield from _recorded(path, name, bag, report)
+        yield from _recorded(path, name, bag)
     else:
         for number, frame in enumerate(Video(path, True, report)):
             pixels = np.frombuffer(frame.data, np.uint8).reshape(frame.height, frame.width, 3)
             yield Picture(path, f'{name}/{number:06d}', number, pixels)
 
 
-def _recorded(path: Path, name: str, bag: Bag, report: Report) -> Iterator[Picture]:
+def _recorded(path: Path, name: str, bag: Bag) -> Iterator[Picture]:
     for number, frame in enumerate(bag):
-        try:
-            pixels = cv2.cvtColor(images.read(frame), cv2.COLOR_GRAY2BGR)
-        except FrameError as error:
-            report(f'{str(path)!r}: image {number}: {error}')
-            continue
         assert frame.recorded is not None and frame.stamp is not None
         moment = Moment(frame.recorded, frame.stamp, frame.frame_id or '')
-        yield Picture(path, f'{name}/{number:06d}', number, pixels, moment)
+        yield Picture(path, f'{name}/{number:06d}', number, message=frame, moment=moment)

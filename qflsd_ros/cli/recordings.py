@@ -2,13 +2,14 @@
 from __future__ import annotations
 
 from contextlib import contextmanager
-import os
 from pathlib import Path
+import secrets
 import shutil
 from typing import Iterator, NamedTuple
 
 import numpy as np
 from qflsd_ros.cli.inputs import Moment
+from qflsd_ros.cli.writing import publish
 from qflsd_ros.rows import DATATYPES
 from qflsd_ros.sources.frames import Report
 from rosbags.rosbag2 import StoragePlugin, Writer
@@ -32,17 +33,18 @@ def path_of(folder: Path, bag: str) -> Path:
 
 
 class Recording:
-    """One bag, written in a folder of its own beside its place."""
+    """One bag, written in a private room."""
 
-    def __init__(self, path: Path) -> None:
-        """Take the place of the bag; nothing is written yet."""
-        self._path, self._folder = path, path.with_name(f'.{path.name}.part')
+    def __init__(self, folder: Path, bag: str, room: Path) -> None:
+        """Take the folder of the results and a private room in it; nothing is written yet."""
+        self._path = path_of(folder, bag)
+        # The files of a bag bear its name.
+        self._folder = room / secrets.token_hex(8)
         self._writer: Writer | None = None
 
     def write(self, cloud: Cloud) -> None:
         """Write the segments of one image."""
         if self._writer is None:
-            self.discard()  # what a process that was killed has left
             self._writer = Writer(self._folder / self._path.name, version=9,
                                   storage_plugin=StoragePlugin.MCAP)
             self._writer.open()
@@ -53,8 +55,7 @@ class Recording:
         """Bring the whole bag to its place."""
         assert self._writer is not None
         self._writer.close()
-        os.rename(self._folder / self._path.name, self._path)
-        self._folder.rmdir()
+        publish(self._folder / self._path.name, self._path.parent, self._path.name)
 
     def discard(self) -> None:
         """Leave nothing behind."""
@@ -69,9 +70,9 @@ class Recordings:
     that an exception has cut short, is not there.
     """
 
-    def __init__(self, folder: Path, complain: Report) -> None:
-        """Write into a folder, where none of the bags may exist yet."""
-        self._folder, self._complain = folder, complain
+    def __init__(self, folder: Path, room: Path, complain: Report) -> None:
+        """Write into a folder, where none of the bags may exist yet, with a private room in it."""
+        self._folder, self._room, self._complain = folder, room, complain
         self._open: dict[str, Recording] = {}
         self._failed: set[str] = set()
 
@@ -94,7 +95,7 @@ class Recordings:
             return
         with self._or_without(cloud.bag):
             if cloud.bag not in self._open:
-                self._open[cloud.bag] = Recording(path_of(self._folder, cloud.bag))
+                self._open[cloud.bag] = Recording(self._folder, cloud.bag, self._room)
             self._open[cloud.bag].write(cloud)
 
     @contextmanager

@@ -1,91 +1,125 @@
-"""The detector's parameters from the command line and from a ROS parameter file."""
+"""What can be set of the command, from its flags and from parameter files of the node."""
 from __future__ import annotations
 
 import argparse
 import dataclasses
 import difflib
 from pathlib import Path
-from typing import Any
+import re
+from typing import Any, Callable, NamedTuple
 
 from qflsd_ros.core import Parameters
-from qflsd_ros.ros.node_parameters import NodeParameters
-from qflsd_ros.ros.parameter_file import Loader
+from qflsd_ros.ros import origin, parameter_file
+from qflsd_ros.ros.node_parameters import check_together, NodeParameters
+from qflsd_ros.ros.parameter_file import FileError
+from qflsd_ros.ros.view import read_mask
+from qflsd_ros.sources.frames import SourceError
 
-FIELDS = {field.name: field for field in dataclasses.fields(Parameters)}
-# A parameter file of the node is welcome: what it says of the node alone is left aside.
-NODE_FIELDS = {field.name for field in dataclasses.fields(NodeParameters)} | {
-    'qos_overrides', 'start_type_description_service', 'use_sim_time'}
-NODE_NAMES = ('/**', 'detector', '/detector', '/**/detector')  # a file may speak of other nodes
+NODE = '/detector'
+# What the node alone has a use for: topics, messages, diagnostics, and what ROS adds itself.
+IDLE = ('image_transport', 'max_pixels', 'marker_colour', 'metres_per_pixel', 'focal_length',
+        'max_age', 'hardware_id')
+OF_ROS = ('use_sim_time', 'start_type_description_service', 'qos_overrides')
+FIELDS = {field.name: field for kind in (Parameters, NodeParameters)
+          for field in dataclasses.fields(kind)}
+NAME = re.compile(r'(/[A-Za-z_]\w*)+')  # of a node, with its namespaces
 
 
 class SettingsError(Exception):
     """A parameter that cannot be used; the text names it and what would be right."""
 
 
+class Settings(NamedTuple):
+    """Parameters of the detector, and those of the node around it."""
+
+    detector: Parameters
+    node: NodeParameters
+
+    def values(self) -> dict[str, Any]:
+        """Return all that counts here, by name."""
+        both = dataclasses.asdict(self.detector) | dataclasses.asdict(self.node)
+        return {name: value for name, value in both.items() if name not in IDLE}
+
+
 def add_flags(parser: argparse.ArgumentParser) -> None:
-    """Add a flag for every field of :class:`Parameters`, called like it."""
-    group = parser.add_argument_group('parameters of the detector')
+    """Add a flag for every parameter that counts here, called like it."""
+    group = parser.add_argument_group('parameters')
     for name, field in FIELDS.items():
+        if name in IDLE:
+            continue
         meta = field.metadata
         limits = f'{meta["low"]} to {meta["high"]} {meta["unit"]}'.rstrip() + '; '
         text = f'{meta["description"]} ({limits * (meta["low"] is not None)}' \
                f'default: {field.default})'
-        group.add_argument(f'--{name}', type=type(field.default), metavar='VALUE',
-                           choices=meta['choices'] or None, default=argparse.SUPPRESS,
-                           help=text.replace('%', '%%'))
+        group.add_argument(f'--{name}', metavar='VALUE', default=argparse.SUPPRESS,
+                           type=truth if type(field.default) is bool else type(field.default),
+                           choices=meta['choices'] or None, help=text.replace('%', '%%'))
 
 
-def read(arguments: argparse.Namespace) -> Parameters:
+def truth(text: str) -> bool:
+    """Return the value of a flag that is true or false; ValueError where it is neither."""
+    if text not in ('true', 'false'):
+        raise ValueError
+    return text == 'true'
+
+
+def read(arguments: argparse.Namespace, tell: Callable[[str], None]) -> Settings:
     """
-    Return the parameters: defaults, then those of the file ``params``, then those of the flags.
+    Return the settings: defaults, then those of the file ``params``, then those of the flags.
+
+    ``tell`` is called with a line on everything in the file that has no effect.
 
     Raises
     ------
     SettingsError
-        The file cannot be read or holds an unknown parameter, or a value cannot be used.
+        The file cannot be read, a value cannot be used, or two contradict each other.
 
     """
-    values = _from_file(arguments.params) if arguments.params else {}
-    values.update((name, value) for name, value in vars(arguments).items() if name in FIELDS)
+    values = _from_file(arguments.params, arguments.node, tell) if arguments.params else {}
+    values |= {name: value for name, value in vars(arguments).items() if name in FIELDS}
     try:
-        return Parameters(**values)
+        settings = Settings(*(kind(**{field.name: values[field.name]
+                                      for field in dataclasses.fields(kind)
+                                      if field.name in values})
+                              for kind in (Parameters, NodeParameters)))
+        check_together(*settings)
+        if settings.node.mask:
+            read_mask(settings.node.mask)
+    except SourceError as error:
+        raise SettingsError(f'mask {error}') from error
     except (TypeError, ValueError) as error:
-        raise SettingsError(str(error)) from error
+        place = origin.origin(str(error), ['--params-file', str(arguments.params)])
+        raise SettingsError(f'{error}{place}') from error
+    return settings
 
 
-def _from_file(path: Path) -> dict[str, Any]:
-    """Return the detector's own parameters of a ROS parameter file; those of the node are left."""
-    values: dict[str, Any] = {}
-    for section in _sections(path):
-        for name, value in section.items():
-            if name in FIELDS:
-                values[name] = value
-            elif name not in NODE_FIELDS:
-                nearest = difflib.get_close_matches(str(name), FIELDS, 1, 0)[0]
-                raise SettingsError(f'{path}: there is no parameter {name!r}; '
-                                    f'the nearest one is {nearest}')
-    return values
-
-
-def _sections(path: Path) -> list[dict[str, Any]]:
-    """Return what a ROS parameter file says of the detector, section by section."""
+def _from_file(path: Path, node: str, tell: Callable[[str], None]) -> dict[str, Any]:
+    """Return what a ROS parameter file says of a node."""
+    if not NAME.fullmatch(node):
+        raise SettingsError(f'--node is {node!r}: must be the full name of a node, as '
+                            '/left/detector')
     try:
-        nodes = Loader(path.read_text(encoding='utf-8')).get_single_data()
-    except Exception as error:  # A tag on what it does not fit raises anything: !!bool 3.
-        what = ' '.join(str(error).split()) or type(error).__name__
-        raise SettingsError(f'{path}: cannot be read: {what}') from error
-    layout = SettingsError(f'{path}: must have the layout of a ROS parameter file: '
-                           '"/**:", below it "ros__parameters:", below that "name: value" lines')
-    if not isinstance(nodes, dict):
-        raise layout
-    sections = []
-    for name in NODE_NAMES:
-        if name in nodes:
-            node = nodes[name]
-            section = node.get('ros__parameters') if isinstance(node, dict) else None
-            if not isinstance(section, dict):
-                raise layout
-            sections.append(section)
-    if not sections:
-        raise layout
-    return sections
+        sections = parameter_file.read(path)
+    except FileError as error:
+        raise SettingsError(str(error)) from error
+    found = parameter_file.merged(sections, node)
+    if found is None:
+        tell(f'{parameter_file.unmatched(path, sections, node)}; --node names another node')
+        return {}
+    idle = [name for name, value in found.values.items() if _is_idle(name, value)]
+    if idle:
+        tell(f'{path}: of no effect here: {", ".join(idle)}')
+    for name in found.values:
+        if name not in FIELDS and name not in idle:
+            near = difflib.get_close_matches(name, FIELDS, 1, 0.5)
+            hint = f': did you mean {near[0]}?' if near else ''
+            tell(f'{path}, line {found.lines[name]}: there is no parameter {name}, it is '
+                 f'ignored{hint}')
+    return found.values
+
+
+def _is_idle(name: str, value: Any) -> bool:
+    """Tell whether a parameter of the node is set to something and has no effect here."""
+    if name in IDLE:
+        return bool(value != FIELDS[name].default)
+    return name.split('.')[0] in OF_ROS

@@ -1,11 +1,16 @@
-"""CameraInfo as the lens of the images that come with it."""
+"""CameraInfo as the lens of the images that come with it, and the other way round."""
 from __future__ import annotations
 
+from array import array
+
 import numpy as np
+from qflsd_ros.core.distortion import DivisionModel
 from qflsd_ros.core.lens import Lens
+from qflsd_ros.ros.lens import described
 from qflsd_ros.sources.frames import FrameError
 from qflsd_ros.sources.reasons import Reason
 from sensor_msgs.msg import CameraInfo
+from std_msgs.msg import Header
 
 
 class CalibrationError(FrameError):
@@ -76,3 +81,18 @@ def binning(info: CameraInfo) -> tuple[int, int]:
 def topic_of(image_topic: str) -> str:
     """Return where the CameraInfo of an image topic is: beside it."""
     return image_topic.rpartition('/')[0] + '/camera_info'
+
+
+def camera_info(header: Header, model: DivisionModel, focal_length: float) -> CameraInfo:
+    """
+    Return a lens such that nodes that rectify images straighten those with this header.
+
+    The rectified image has the scale of the raw one at the centre of distortion.
+    """
+    found = described(model, focal_length)
+    height, width = model.shape
+    projection = np.concatenate([found.matrix, np.zeros((3, 1))], axis=1)
+    return CameraInfo(
+        header=header, height=height, width=width, distortion_model=found.distortion_model,
+        d=array('d', found.coefficients), k=found.matrix.ravel(), r=np.eye(3).ravel(),
+        p=projection.ravel())

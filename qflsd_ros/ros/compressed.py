@@ -1,10 +1,8 @@
 """Compressed image messages as grey frames."""
 from __future__ import annotations
 
-import cv2
 import numpy as np
 from qflsd_ros.sources import encoded
-from qflsd_ros.sources.depth import eight_bits
 from qflsd_ros.sources.headers import JPEG_START, PNG_START
 from qflsd_ros.sources.reasons import Reason
 from sensor_msgs.msg import CompressedImage
@@ -39,6 +37,4 @@ def decode(message: CompressedImage, white_level: float = 0.0,
     what = f'compressed image of {len(data)} bytes, format {message.format!r}'
     if not data.startswith((JPEG_START, PNG_START)):
         raise encoded.DecodingError(Reason.NO_IMAGE, f'{what}: must be a JPEG or PNG')
-    # As the sensor sees it: an orientation tag would turn the coordinates.
-    flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
-    return eight_bits(encoded.decode(data, flags, what, max_pixels), white_level or None)
+    return encoded.decode_eight_bits(data, encoded.GRAY, what, white_level or None, max_pixels)

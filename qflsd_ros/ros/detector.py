@@ -20,6 +20,7 @@ from qflsd_ros.core.estimation import with_straightness
 from qflsd_ros.core.planes import planes
 from qflsd_ros.ros import calibration, compressed, images, lens, outputs, parameters
 from qflsd_ros.ros.diagnostics import Statistics
+from qflsd_ros.ros.finding import find
 from qflsd_ros.ros.lazy import LazySubscription
 from qflsd_ros.ros.losses import Losses
 from qflsd_ros.ros.markers import markers
@@ -27,7 +28,7 @@ from qflsd_ros.ros.node_parameters import check_together, NodeParameters
 from qflsd_ros.ros.parameters import ParameterError
 from qflsd_ros.ros.run import run
 from qflsd_ros.ros.slot import Slot
-from qflsd_ros.ros.view import read_mask, reduced, view
+from qflsd_ros.ros.view import read_mask
 from qflsd_ros.sources.frames import FrameError, SourceError
 from qflsd_ros.sources.reasons import Reason
 import rclpy
@@ -100,8 +101,8 @@ def _overlay(result: Result) -> Image:
 
 
 def _camera_info(result: Result) -> CameraInfo:
-    return lens.camera_info(result.header, lens.required(result.lens, result.settings),
-                            result.settings.focal_length)
+    return calibration.camera_info(result.header, lens.required(result.lens, result.settings),
+                                   result.settings.focal_length)
 
 
 def _rectified(result: Result) -> PointCloud2:
@@ -250,12 +251,9 @@ class DetectorNode(Node):
         header = frame.message.header
         gray = self._transport.read(
             frame.message, settings.white_level, settings.max_pixels)
-        factor, mask = view(settings, *gray.shape)
-        before = self._lens.known(gray.shape, settings)
-        arcs = detector.detect(reduced(gray, factor), mask,
-                               before and before.reduced(factor)).scaled(factor)
-        # Whoever listens: what is found in the next frame depends on it.
-        model, heard = self._lens.follow(arcs, gray.shape, settings), self._heard()
+        # Whoever listens: what is found in the next frame depends on the lens.
+        arcs, model = find(gray, detector, settings, self._lens)
+        heard = self._heard()
         if heard & WITH_LENS:
             arcs = with_straightness(arcs, model)
         self._publish(Result(header, gray, arcs, settings, model), heard)

@@ -1,10 +1,8 @@
-"""The lens of the camera: unknown, estimated from its images or fixed; and its CameraInfo."""
+"""The lens of the camera: unknown, estimated from its images or fixed; imports no ROS."""
 from __future__ import annotations
 
-from array import array
 from functools import lru_cache
 
-import numpy as np
 from qflsd_ros.core.arcs import Arcs
 from qflsd_ros.core.calibration import Calibration, calibration
 from qflsd_ros.core.distortion import DivisionModel
@@ -13,8 +11,6 @@ from qflsd_ros.core.tracking import LensTracker
 from qflsd_ros.ros.node_parameters import NodeParameters
 from qflsd_ros.sources.frames import FrameError
 from qflsd_ros.sources.reasons import Reason
-from sensor_msgs.msg import CameraInfo
-from std_msgs.msg import Header
 
 UNKNOWN = {
     'off': 'parameter lens is off: must be estimate or fixed for ~/camera_info and ~/rectified',
@@ -48,6 +44,10 @@ class CameraLens:
             self._tracking(settings).add(arcs, shape)
         self._model = self.known(shape, settings)
         return self._model
+
+    def estimate(self, settings: NodeParameters) -> LensEstimate | None:
+        """Return the estimate by the frames so far; None where there is none, or none is asked."""
+        return self._tracking(settings).estimate if settings.lens == 'estimate' else None
 
     def _tracking(self, settings: NodeParameters) -> LensTracker:
         """Return the tracker, which begins anew when something else is asked for."""
@@ -97,18 +97,3 @@ def required(model: DivisionModel | None, settings: NodeParameters) -> DivisionM
     if model is None:
         raise LensError(Reason.NO_LENS, UNKNOWN[settings.lens])
     return model
-
-
-def camera_info(header: Header, model: DivisionModel, focal_length: float) -> CameraInfo:
-    """
-    Return a lens such that nodes that rectify images straighten those with this header.
-
-    The rectified image has the scale of the raw one at the centre of distortion.
-    """
-    found = described(model, focal_length)
-    height, width = model.shape
-    projection = np.concatenate([found.matrix, np.zeros((3, 1))], axis=1)
-    return CameraInfo(
-        header=header, height=height, width=width, distortion_model=found.distortion_model,
-        d=array('d', found.coefficients), k=found.matrix.ravel(), r=np.eye(3).ravel(),
-        p=projection.ravel())

@@ -5,10 +5,8 @@ from pathlib import Path
 import re
 from typing import Iterator, Sequence
 
-from qflsd_ros.ros.parameter_file import Loader
-import yaml
-
-SECTION = 'ros__parameters.'
+from qflsd_ros.ros import parameter_file
+from qflsd_ros.ros.parameter_file import FileError, Section
 
 
 def origin(text: str, arguments: Sequence[str]) -> str:
@@ -17,31 +15,24 @@ def origin(text: str, arguments: Sequence[str]) -> str:
 
     ``arguments`` is the command line.  Returns ' (FILE, line N)', or nothing where no file does.
     """
-    places = [f'{file}, line {line}'
-              for flag, file in zip(arguments, arguments[1:]) if flag == '--params-file'
-              for name, line in _lines(file)
+    places = [f'{file}, line {line}' for file, sections in files(arguments)
+              for section in sections.values() for name, line in section.lines.items()
               if re.search(rf'(?<![\w.]){re.escape(name)}(?!\w)', text)]
     return f' ({"; ".join(places)})' if places else ''
 
 
-def _lines(file: str) -> Iterator[tuple[str, int]]:
-    """Yield every parameter of a file with its line, from 1."""
-    try:
-        root = yaml.compose(Path(file).read_text(encoding='utf-8'), Loader)
-    except (OSError, ValueError, RecursionError, yaml.YAMLError):
-        return  # rcl has said what is wrong with it
-    for path, line in _keys(root):
-        _, section, name = path.partition(SECTION)
-        if section:
-            yield name, line
+def unmatched(arguments: Sequence[str], node: str) -> Iterator[str]:
+    """Yield a line for every parameter file of a command line that says nothing of a node."""
+    for file, sections in files(arguments):
+        if parameter_file.merged(sections, node) is None:
+            yield parameter_file.unmatched(Path(file), sections, node)
 
 
-def _keys(node: yaml.Node | None, path: str = '') -> Iterator[tuple[str, int]]:
-    """Yield the keys of a YAML tree that have a value, with those above them, and their lines."""
-    if isinstance(node, yaml.MappingNode):
-        for key, value in node.value:
-            name = f'{path}{key.value}'
-            if isinstance(value, yaml.MappingNode):
-                yield from _keys(value, f'{name}.')
-            else:
-                yield name, key.start_mark.line + 1
+def files(arguments: Sequence[str]) -> Iterator[tuple[str, dict[str, Section]]]:
+    """Yield the parameter files of a command line that can be read, each with its sections."""
+    for flag, file in zip(arguments, arguments[1:]):
+        if flag == '--params-file':
+            try:
+                yield file, parameter_file.read(Path(file))
+            except FileError:
+                pass  # rcl has said what is wrong with it

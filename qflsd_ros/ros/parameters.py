@@ -8,10 +8,12 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import json
+import sys
 from typing import Any, Callable, Iterable, Mapping, Sequence, TypeVar
 
 from qflsd_ros.core.parameters import meant, Parameters
 from qflsd_ros.ros.node_parameters import NodeParameters
+from qflsd_ros.ros.origin import unmatched
 from rcl_interfaces.msg import (
     FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult)
 from rclpy.node import Node
@@ -105,7 +107,9 @@ def attach(node: Node, kinds: Sequence[type], apply: Callable[..., None],
 
 
 def warn_of_unknown(node: Node) -> None:
-    """Warn of every value given at start that no declared parameter of the node takes."""
+    """Warn of every value given at start that no declared parameter takes, and of idle files."""
+    for line in unmatched(sys.argv, node.get_fully_qualified_name()):
+        node.get_logger().warning(line)
     known = node.list_parameters([], 0).names
     for name in _given(node):
         if name not in known:

@@ -32,7 +32,8 @@ class Bag(Source):
     """
     The images of one topic of a recording, with their stamps and coordinate frame.
 
-    Raw images come as recorded, whatever their encoding; compressed ones are decoded.
+    Raw images come as recorded, whatever their encoding; compressed ones are decoded, as ``flags``
+    of ``cv2.imdecode`` say.
 
     Attributes
     ----------
@@ -45,9 +46,10 @@ class Bag(Source):
 
     """
 
-    def __init__(self, path: Path, topic: str, report: Report) -> None:
+    def __init__(self, path: Path, topic: str, report: Report,
+                 flags: int = cv2.IMREAD_UNCHANGED) -> None:
         super().__init__(repr(str(path)), report)
-        self._path = path
+        self._path, self._flags = path, flags
         self._types = get_typestore(Stores.ROS2_JAZZY)
         with self._open() as reader:
             self.topics = self._image_topics(reader.connections, topic)
@@ -101,15 +103,15 @@ class Bag(Source):
                 count += 1
                 try:
                     message = self._types.deserialize_cdr(data, connection.msgtype)
-                    yield _frame(message, connection.msgtype, str(recorded), recorded)
+                    yield _frame(message, connection.msgtype, recorded, self._flags)
                 except (AssertionError, ValueError, SerdeError, struct.error) as error:
                     self._skip(f'{self.name}: message of {recorded} on {self.topic} cannot be '
                                f'read: {_one_line(error)}')
 
 
-def _frame(message: Any, kind: str, name: str, recorded: int) -> Frame:
+def _frame(message: Any, kind: str, recorded: int, flags: int) -> Frame:
     """Make a frame of a deserialised Image or CompressedImage."""
-    stamp = message.header.stamp
+    name, stamp = str(recorded), message.header.stamp
     if stamp.nanosec >= 10**9:
         raise ValueError(f'its stamp has {stamp.nanosec} ns: must have less than a second of them')
     times = {'stamp': stamp.sec * 10**9 + stamp.nanosec, 'recorded': recorded,
@@ -117,7 +119,7 @@ def _frame(message: Any, kind: str, name: str, recorded: int) -> Frame:
     if kind == RAW:
         return Frame(name, message.height, message.width, message.encoding,
                      bool(message.is_bigendian), message.step, message.data.tobytes(), **times)
-    image = decode(message.data.tobytes(), cv2.IMREAD_UNCHANGED, f'format {message.format!r}')
+    image = decode(message.data.tobytes(), flags, f'format {message.format!r}')
     channels = image.shape[2] if image.ndim == 3 else 1
     if (image.dtype, channels) not in ENCODINGS:
         raise ValueError(f'compressed image of {channels} channels of type {image.dtype}')

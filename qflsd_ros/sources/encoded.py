@@ -10,12 +10,17 @@ import cv2
 import numpy as np
 
 from qflsd_ros.sources import headers
+from qflsd_ros.sources.depth import eight_bits, WHITE
 from qflsd_ros.sources.frames import FrameError
 from qflsd_ros.sources.reasons import Reason
 
 MAX_SIDE = 32768        # px
 MAX_PIXELS = 1 << 27    # 134 megapixels
 MAX_VISITS = 1 << 32    # of pixels by the decoder: 32 scans of the largest JPEG
+
+# Flags of cv2.imdecode.  An orientation tag would turn the coordinates; 16 bits stay.
+GRAY, COLOUR = (kind | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
+                for kind in (cv2.IMREAD_GRAYSCALE, cv2.IMREAD_COLOR))
 
 
 class DecodingError(FrameError):
@@ -61,6 +66,40 @@ def decode(data: bytes, flags: int, what: str, max_pixels: int = MAX_PIXELS) -> 
     if image is None:
         raise _unreadable(what)
     return image
+
+
+def decode_eight_bits(data: bytes, flags: int, what: str,
+                      white_level: float | None = None,
+                      max_pixels: int = MAX_PIXELS) -> np.ndarray:
+    """
+    Return an encoded image as the sensor saw it, in 8 bits whatever it has itself.
+
+    Parameters
+    ----------
+    data, what, max_pixels
+        As of :func:`decode`.
+    flags
+        :data:`GRAY` or :data:`COLOUR`.
+    white_level
+        Value that becomes 255 in images of 16 bits or floats; None stands for the white of a PNM
+        that has one, else for 65535 with 16 bits and for 1.0 with floats.
+
+    Returns
+    -------
+    image
+        (H, W) or (H, W, 3) B, G, R uint8.
+
+    Raises
+    ------
+    DecodingError
+        As of :func:`decode`, or it has pixels of another type.
+
+    """
+    image = decode(data, flags, what, max_pixels)
+    if image.dtype != np.uint8 and image.dtype not in WHITE:
+        raise DecodingError(Reason.NO_IMAGE, f'{what}: has pixels of type {image.dtype}: must '
+                            'have 8 or 16 bits, or floats of 32')
+    return eight_bits(image, white_level or headers.white(data))
 
 
 def _checked_size(claimed: headers.Size | None, what: str, max_pixels: int) -> headers.Size:

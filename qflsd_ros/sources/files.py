@@ -5,13 +5,13 @@ from collections.abc import Iterator
 from pathlib import Path
 import re
 
-import cv2
 import numpy as np
 
-from qflsd_ros.sources.encoded import decode, DecodingError
+from qflsd_ros.sources.encoded import COLOUR, decode_eight_bits, DecodingError, GRAY
 from qflsd_ros.sources.frames import Frame, Report, Source, SourceError
 
-IMAGE_SUFFIXES = ('.bmp', '.jpeg', '.jpg', '.pgm', '.png', '.ppm', '.tif', '.tiff', '.webp')
+IMAGE_SUFFIXES = ('.bmp', '.dib', '.jfif', '.jpe', '.jpeg', '.jpg', '.pbm', '.pgm', '.png', '.pnm',
+                  '.ppm', '.tif', '.tiff', '.webp')
 MAX_BYTES = 1 << 30     # the largest image, MAX_PIXELS, of four values of 16 bits each
 
 
@@ -62,12 +62,15 @@ def natural_order(path: Path) -> list[tuple[int, str]]:
             for part in re.split(r'(\d+)', path.name)]
 
 
-def read_image(path: Path, colour: bool) -> np.ndarray:
-    """Read an image as the sensor saw it, (H, W) or in colour (H, W, 3) B, G, R uint8."""
-    flag = cv2.IMREAD_COLOR if colour else cv2.IMREAD_GRAYSCALE
+def read_image(path: Path, colour: bool, white_level: float | None = None) -> np.ndarray:
+    """
+    Read an image as the sensor saw it, (H, W) or in colour (H, W, 3) B, G, R uint8.
+
+    ``white_level`` is that of :func:`qflsd_ros.sources.encoded.decode_eight_bits`.
+    """
+    flags = COLOUR if colour else GRAY
     try:
-        # An orientation tag would turn the coordinates.
-        return decode(read_file(path), flag | cv2.IMREAD_IGNORE_ORIENTATION, repr(str(path)))
+        return decode_eight_bits(read_file(path), flags, repr(str(path)), white_level)
     except DecodingError as error:
         raise SourceError(str(error)) from error
 

@@ -17,7 +17,9 @@ JPEG_FRAMES = frozenset(range(0xc0, 0xd0)) - {0xc4, 0xc8, 0xcc}
 JPEG_ALONE = frozenset({0x01, *range(0xd0, 0xd9)})  # markers of segments without a length
 JPEG_FIRST = 0xc0   # of the markers that have a meaning, but for TEM
 # Some readers take a number's sign for a comment along with the number.
-PNM = re.compile(rb'P[1-6]%b+(\d{1,9})\s%b*(\d{1,9})\s' % (2 * (rb'(?:\s|#[^\r\n]*[\r\n])',)))
+BLANK = rb'(?:\s|#[^\r\n]*[\r\n])'
+PNM = re.compile(rb'P[1-6]%b+(\d{1,9})\s%b*(\d{1,9})\s' % (BLANK, BLANK))
+PNM_WHITE = re.compile(rb'%b*(\d{1,9})\s' % BLANK)
 TIFF_WIDTH, TIFF_HEIGHT = 256, 257  # tags
 TIFF_FORMATS = {3: 'H', 4: 'I'}  # types of their values
 
@@ -49,6 +51,13 @@ def passes(data: bytes) -> int:
     Progressive JPEGs are sent in scans, and a scan of all pixels can be a few bytes.
     """
     return data.count(JPEG_SCAN) if data.startswith(JPEG_START) else 1
+
+
+def white(data: bytes) -> int | None:
+    """Return the value that a PGM or PPM of 16 bits says is white; None of any other image."""
+    size = PNM.match(data)
+    found = PNM_WHITE.match(data, size.end()) if size and data[1:2] in b'2356' else None
+    return int(found[1]) if found and int(found[1]) > 255 else None
 
 
 def _png(data: bytes) -> Size | None:

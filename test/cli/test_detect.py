@@ -5,7 +5,6 @@ import csv
 import json
 import os
 from pathlib import Path
-import signal
 import subprocess
 import sys
 import time
@@ -16,7 +15,9 @@ import numpy as np
 import pytest
 from qflsd_ros import overlay
 from qflsd_ros.cli.detect import main
+from qflsd_ros.cli.settings import Settings
 from qflsd_ros.core import Arcs, Detector, Parameters
+from qflsd_ros.ros.node_parameters import NodeParameters
 from qflsd_ros.sources import Scene
 
 
@@ -132,7 +133,7 @@ def check_json(path: Path, arcs: Arcs, parameters: Parameters) -> None:
     found = json.loads(path.read_text())
     assert found['image'].endswith(path.with_suffix('.png').name) and found['frame'] is None
     assert (found['width'], found['height']) == (200, 150)
-    assert Parameters(**found['parameters']) == parameters
+    assert found['parameters'] == Settings(parameters, NodeParameters()).values()
     assert [arc['length'] for arc in found['arcs']] == arcs.table['length'].tolist()
     assert [arc['points'] for arc in found['arcs']] == [
         points.tolist() for points in arcs.polylines()]
@@ -214,17 +215,151 @@ def test_results_that_cannot_be_written_are_named(
     assert not [path for path in output.iterdir() if path.name.endswith('.part')]
 
 
-def test_an_interrupt_ends_it_without_a_traceback(tmp_path: Path) -> None:
-    """SIGINT to the whole group, as Ctrl-C sends it: exit code 130, one line, no process left."""
-    path, output = make_video(tmp_path, 3000), tmp_path / 'results'
-    process = subprocess.Popen(
-        [sys.executable, '-m', 'qflsd_ros.cli.detect', str(path), '--output', str(output),
-         '--jobs', '2'], stderr=subprocess.PIPE, text=True, start_new_session=True,
-        # A shell's background jobs ignore SIGINT, and so would what they start.
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL))
-    poll((output / 'v').exists)
-    os.killpg(process.pid, signal.SIGINT)
-    _, stderr = process.communicate(timeout=30)
-    assert process.returncode == 130
-    assert stderr.splitlines() == ['detect: interrupted; what is written is whole']
-    poll(lambda: not group_exists(process.pid))
+def test_a_reader_that_leaves_is_no_error(folder: Path, tmp_path: Path) -> None:
+    """As of ``detect ... | true``: the results are there, nothing is said."""
+    reading, writing = os.pipe()
+    os.close(reading)
+    result = subprocess.run(
+        [sys.executable, '-m', 'qflsd_ros.cli.detect', str(folder), '--output',
+         str(tmp_path / 'out')], stdout=writing, stderr=subprocess.PIPE, text=True, timeout=120)
+    os.close(writing)
+    assert (result.returncode, result.stderr) == (0, '')
+    assert len(list((tmp_path / 'out').iterdir())) == 9
+
+
+def test_a_summary_that_cannot_be_written_is_one_line(folder: Path, tmp_path: Path) -> None:
+    with open('/dev/full', 'w') as full:
+        result = subprocess.run(
+            [sys.executable, '-m', 'qflsd_ros.cli.detect', str(folder), '--output',
+             str(tmp_path / 'out')], stdout=full, stderr=subprocess.PIPE, text=True, timeout=120)
+    assert result.returncode == 1
+    assert result.stderr == 'detect: the summary cannot be written: No space left on device\n'
+
+
+def test_a_folder_without_pictures_is_called_that(
+        folder: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """Alone it is all there is, beside others it is one of the failures."""
+    empty, output = tmp_path / 'empty', str(tmp_path / 'out')
+    empty.mkdir()
+    (empty / 'notes.txt').touch()
+    assert main([str(empty), '--output', output]) == 2
+    assert "empty': no image or video in this folder: their names must end in .bmp, " \
+        in capfd.readouterr().err
+    assert main([str(folder), str(empty), 'x' * 300, '--output', output]) == 1
+    said = capfd.readouterr()
+    assert "empty': no image or video in this folder" in said.err
+    assert f'{"x" * 300}\': no such file' in said.err
+    assert said.out.startswith('3 images, ') and '2 failed' in said.out
+
+
+@pytest.mark.parametrize('suffix', ['.jfif', '.jpe', '.pbm', '.pnm', '.dib'])
+def test_every_suffix_of_a_format_that_is_read_is_that_of_an_image(
+        tmp_path: Path, suffix: str) -> None:
+    pixels = np.full((60, 80), 255, np.uint8)
+    pixels[20:40, 20:60] = 0
+    form = '.jpg' if suffix == '.jfif' else suffix
+    (tmp_path / f'a{suffix}').write_bytes(cv2.imencode(form, pixels)[1].tobytes())
+    for number, argument in enumerate((tmp_path, tmp_path / f'a{suffix}')):
+        output = tmp_path / str(number)
+        assert main([str(argument), '--output', str(output)]) == 0
+        assert len(json.loads((output / 'a.json').read_text())['arcs']) == 4
+
+
+def ten_bits() -> np.ndarray:
+    """Return a picture of 10 bits, (150, 200) uint16."""
+    return picture(0)[..., 0] * np.uint16(4)
+
+
+@pytest.mark.parametrize('white, arcs', [('1023', 4), ('0', 0)])
+def test_white_level(tmp_path: Path, white: str, arcs: int) -> None:
+    """A PNG does not say that its 16 bits hold 10."""
+    cv2.imwrite(str(tmp_path / 'a.png'), ten_bits())
+    assert main([str(tmp_path / 'a.png'), '--white_level', white, '--output',
+                 str(tmp_path / 'out')]) == 0
+    found = json.loads((tmp_path / 'out' / 'a.json').read_text())
+    assert len(found['arcs']) >= arcs and bool(found['arcs']) == bool(arcs)
+    drawn = cv2.imread(str(tmp_path / 'out' / 'a.png'))
+    assert (drawn.max() > 200) == bool(arcs)
+
+
+@pytest.mark.parametrize('head', [b'P5 200 150 1023\n', b'P5\n# 9\n200 150\n#7\n1023\n'])
+def test_white_of_a_pgm_is_what_it_says(tmp_path: Path, head: bytes) -> None:
+    (tmp_path / 'a.pgm').write_bytes(head + ten_bits().astype('>u2').tobytes())
+    assert main([str(tmp_path / 'a.pgm'), '--output', str(tmp_path / 'out')]) == 0
+    gray = cv2.convertScaleAbs(ten_bits(), alpha=255 / 1023)
+    check_csv(tmp_path / 'out' / 'a.csv', Detector().detect(gray))
+
+
+def test_a_lens_is_followed_from_frame_to_frame_of_a_video_alone(tmp_path: Path) -> None:
+    """A dull frame knows the lens by those before it; a dull image file does not."""
+    room = cv2.cvtColor(Scene(640, 480, lam=-0.4).image(400), cv2.COLOR_GRAY2BGR)
+    dull = np.full_like(room, 90)
+    for jobs in ('1', '2'):
+        for name in 'v', 'w':
+            writer = cv2.VideoWriter(str(tmp_path / f'{name}.avi'),
+                                     cv2.VideoWriter_fourcc(*'MJPG'), 10, (640, 480))
+            for pixels in (room, dull) if name == 'v' else (dull, dull):
+                writer.write(pixels)
+            writer.release()
+        cv2.imwrite(str(tmp_path / 'x.png'), dull)
+        output = tmp_path / jobs
+        assert main([*(str(tmp_path / name) for name in ('v.avi', 'w.avi', 'x.png')),
+                     '--output', str(output), '--jobs', jobs]) == 0
+        lenses = [json.loads((output / f'{name}.json').read_text())['lens']
+                  for name in ('v/000000', 'v/000001', 'w/000000', 'w/000001', 'x')]
+        assert [lens['lambda'] for lens in lenses[:2]] == pytest.approx([-0.4, -0.4], abs=0.03)
+        assert lenses[2:] == [None] * 3
+
+
+def test_a_lens_that_is_given(folder: Path, tmp_path: Path) -> None:
+    assert main([str(folder / '0.png'), '--lens', 'fixed', '--lens_lambda', '-0.3',
+                 '--output', str(tmp_path / 'out')]) == 0
+    found = json.loads((tmp_path / 'out' / '0.json').read_text())
+    assert found['lens'] == {'lambda': -0.3, 'centre': [99.5, 74.5], 'deviation': None,
+                             'agreeing': None, 'share': None}
+    assert all(arc['straight'] is not None for arc in found['arcs'])
+
+
+def test_what_looks_at_a_part_of_the_image(folder: Path, tmp_path: Path,
+                                           capfd: pytest.CaptureFixture[str]) -> None:
+    """Region, mask and largest width count; what does not fit is named."""
+    output, image = str(tmp_path / 'out'), str(folder / '0.png')
+
+    def arcs(*flags: str) -> list[dict]:
+        assert main([image, '--output', output, *flags]) == 0
+        return json.loads((tmp_path / 'out' / '0.json').read_text())['arcs']
+
+    mask = np.full((150, 200), 255, np.uint8)
+    mask[:, 100:] = 0
+    cv2.imwrite(str(tmp_path / 'mask.png'), mask)
+    assert max(arc['end'][0] for arc in arcs()) > 110
+    for flags in (('--roi_width', '100'), ('--mask', str(tmp_path / 'mask.png'))):
+        found = arcs(*flags)
+        assert found and max(point[0] for arc in found for point in arc['points']) < 108
+    assert arcs('--max_width', '100') != arcs()
+    assert main([image, '--output', output, '--roi_x', '500']) == 1
+    assert "0.png': region begins at roi_x 500" in capfd.readouterr().err
+    assert main([image, '--output', output, '--mask', 'nowhere.png']) == 2
+    assert "mask 'nowhere.png': No such file" in capfd.readouterr().err
+
+
+def test_points_are_as_close_as_the_parameter_says(tmp_path: Path) -> None:
+    cv2.imwrite(str(tmp_path / 'room.png'), Scene(640, 480, lam=-0.4).image(400))
+    counts = []
+    for tolerance in ('0.01', '1.0'):
+        assert main([str(tmp_path / 'room.png'), '--polyline_tolerance', tolerance, '--output',
+                     str(tmp_path / 'out')]) == 0
+        found = json.loads((tmp_path / 'out' / 'room.json').read_text())
+        counts.append(sum(len(arc['points']) for arc in found['arcs']))
+    assert counts[0] > 1.3 * counts[1]
+
+
+def test_inputs_are_not_overwritten_by_frames(tmp_path: Path,
+                                              capfd: pytest.CaptureFixture[str]) -> None:
+    """Frames that somebody has taken out of a video lie where its results would."""
+    video = make_video(tmp_path, 2)
+    (tmp_path / 'v').mkdir()
+    cv2.imwrite(str(tmp_path / 'v' / '000000.png'), picture(7))
+    assert main([str(video), str(tmp_path / 'v'), '--output', str(tmp_path)]) == 2
+    assert "v/000000.png' would be overwritten" in capfd.readouterr().err
+    np.testing.assert_array_equal(cv2.imread(str(tmp_path / 'v' / '000000.png')), picture(7))

@@ -46,7 +46,18 @@ def test_without_a_picture_there_is_no_file(tmp_path: Path) -> None:
 
 
 def test_what_cannot_be_written_is_named(tmp_path: Path) -> None:
-    (tmp_path / '.a.part.mp4').mkdir()
-    with pytest.raises(OSError, match='a.mp4.* cannot be written as a video'):
+    (tmp_path / 'a.mp4').mkdir()
+    with pytest.raises(OSError, match='a.mp4'):
         with Film(tmp_path / 'a.mp4') as video:
             video.show(flat(20))
+    assert [path.name for path in tmp_path.iterdir()] == ['a.mp4']
+
+
+def test_planted_links_are_not_followed(tmp_path: Path) -> None:
+    (tmp_path / 'victim').write_text('mine')
+    for name in ('a.mp4', '.a.part.mp4'):
+        (tmp_path / name).symlink_to(tmp_path / 'victim')
+    with Film(tmp_path / 'a.mp4') as video:
+        video.show(flat(20))
+    assert (tmp_path / 'victim').read_text() == 'mine'
+    assert not (tmp_path / 'a.mp4').is_symlink()

@@ -1,8 +1,11 @@
 """Files that mean no good: a clear line, an exit code, and nothing half-written."""
 from __future__ import annotations
 
+import os
 from pathlib import Path
+import re
 import resource
+import signal
 import struct
 import subprocess
 import sys
@@ -12,8 +15,8 @@ import zlib
 import cv2
 import numpy as np
 import pytest
-from qflsd_ros.cli import inputs, settings
-from qflsd_ros.cli.detect import main, parser
+from qflsd_ros.cli import inputs
+from qflsd_ros.cli.detect import main
 from qflsd_ros.cli.film import Film
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import get_typestore, Stores
@@ -165,13 +168,13 @@ def test_a_bag_that_an_exception_cuts_short_is_not_there(
     seen = []
 
     def interrupt(*_: object) -> None:
-        seen.append((tmp_path / 'out' / '.drive_segments.part').exists())
+        seen.append(len(list((tmp_path / 'out').rglob('drive_segments'))))
         if len(seen) == 3:
-            raise KeyboardInterrupt
+            os.kill(os.getpid(), signal.SIGINT)
 
     monkeypatch.setattr('qflsd_ros.cli.results.write', interrupt)
     assert main([str(bag), '--output', str(tmp_path / 'out')]) == 130
-    assert seen == [False, True, True]
+    assert seen == [0, 1, 1]
     assert list((tmp_path / 'out').iterdir()) == []
 
 
@@ -200,24 +203,73 @@ def test_a_whole_video_is_taken_for_whole(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize('text', [
-    '[' * 5000, '&a [*a, *a]', '!!bool 3', '!!timestamp x', '!!int x', '!!python/name:os.system',
-    '2001-99-99', '? [a]\n: b', '/**: &a {ros__parameters: *a}', 'a: !!binary x', '\ufeff',
-    '%YAML 9', '{"/**": {ros__parameters: {tolerance: {a: 1}}}}',
-    '{"/**": {ros__parameters: {1: 1}}}',
-    '{"/**": {ros__parameters: {tolerance: 1.0e+999}}}', '{"/**": {ros__parameters: {~: 1}}}'])
-def test_a_parameter_file_that_means_no_good(tmp_path: Path, text: str) -> None:
-    path = tmp_path / 'p.yaml'
-    path.write_text(text)
-    with pytest.raises(settings.SettingsError) as caught:
-        settings.read(parser().parse_args(['a.png', '--params', str(path)]))
-    assert '\n' not in str(caught.value)
+    '[' * 5000, '&a [*a, *a]', '!!bool 3', '? [a]\n: b', '/**: &a {ros__parameters: *a}', '\x00',
+    '%YAML 9', '{"/**": {ros__parameters: {tolerance: {a: [b: 1]}}}}',
+    '{"": {ros__parameters: 1}}',
+    '{"/**": {ros__parameters: {tolerance: 1.0e+999}}}', '{"/**": {ros__parameters: {[1]: 1}}}',
+    '{"/**": {ros__parameters: {tolerance: .nan}}}',
+    '{"/**": {ros__parameters: {tolerance: [1]}}}',
+    f'{{"/**": {{ros__parameters: {{paper_seed: {"9" * 99}}}}}}}', '# ' + 'x' * (1 << 20)])
+def test_a_parameter_file_that_means_no_good(
+        tmp_path: Path, capfd: pytest.CaptureFixture[str], text: str) -> None:
+    write_image(tmp_path / 'a.png')
+    (tmp_path / 'p.yaml').write_text(text)
+    code, (line,) = run(capfd, tmp_path, '--params', tmp_path / 'p.yaml', '--output',
+                        tmp_path / 'out')
+    assert code == 2 and 'p.yaml' in line
 
 
 @pytest.mark.parametrize('text', [
     '{ros__parameters: &a {tolerance: *a}}', '{ros__parameters: {tolerance: [&a [1], *a, *a]}}',
     '{ros__parameters: {<<: [&a {tolerance: 1}, *a, *a]}}'])
-def test_aliases_that_could_stand_for_gigabytes(tmp_path: Path, text: str) -> None:
-    path = tmp_path / 'p.yaml'
-    path.write_text(f'# a bomb\n/**: {text}')
-    with pytest.raises(settings.SettingsError, match=r'p.yaml: .*line 2: alias \*a: .* none'):
-        settings.read(parser().parse_args(['a.png', '--params', str(path)]))
+def test_aliases_that_could_stand_for_gigabytes(
+        tmp_path: Path, capfd: pytest.CaptureFixture[str], text: str) -> None:
+    write_image(tmp_path / 'a.png')
+    (tmp_path / 'p.yaml').write_text(f'# a bomb\n/**: {text}')
+    code, (line,) = run(capfd, tmp_path, '--params', tmp_path / 'p.yaml', '--output',
+                        tmp_path / 'out')
+    assert code == 2 and re.search(r'p.yaml: .*line 2: alias \*a: .* none', line)
+
+
+def test_a_parameter_file_without_end(tmp_path: Path,
+                                      capfd: pytest.CaptureFixture[str]) -> None:
+    write_image(tmp_path / 'a.png')
+    code, (line,) = run(capfd, tmp_path, '--params', '/dev/zero', '--output', tmp_path / 'out')
+    assert code == 2 and '/dev/zero: cannot be read: has more than' in line
+
+
+def test_links_in_the_output_folder_are_not_followed(
+        tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """Whoever can write into it cannot make the command write elsewhere."""
+    photo, bag = write_image(tmp_path / 'photo.png'), write_bag(tmp_path / 'drive', 1)
+    (tmp_path / 'elsewhere').mkdir()
+    (tmp_path / 'victim').write_text('mine')
+    output = tmp_path / 'out'
+    output.mkdir()
+    (output / 'photo.csv').symlink_to(tmp_path / 'victim')
+    (output / f'.{os.getpid()}.part').symlink_to(tmp_path / 'victim')
+    (output / 'drive').symlink_to(tmp_path / 'elsewhere')
+    (output / '.drive_segments.part').symlink_to(tmp_path / 'elsewhere')
+    code, (line,) = run(capfd, photo, bag, '--output', output)
+    assert code == 1 and "'drive/000000' cannot be written: " in line
+    assert (tmp_path / 'victim').read_text() == 'mine'
+    assert not list((tmp_path / 'elsewhere').iterdir())
+    assert (output / 'photo.csv').read_text().startswith('start_x') \
+        and not (output / 'photo.csv').is_symlink()
+
+
+def test_a_place_of_the_bag_that_is_a_link_to_nowhere(
+        tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    bag = write_bag(tmp_path / 'drive', 1)
+    (tmp_path / 'out').mkdir()
+    (tmp_path / 'out' / 'drive_segments').symlink_to(tmp_path / 'nowhere')
+    code, (line,) = run(capfd, bag, '--output', tmp_path / 'out')
+    assert code == 2 and "drive_segments' is already there" in line
+
+
+def test_an_output_folder_that_cannot_be_written(tmp_path: Path,
+                                                 capfd: pytest.CaptureFixture[str]) -> None:
+    photo = write_image(tmp_path / 'photo.png')
+    for folder in ('/proc', '/proc/new'):   # not even root can
+        code, (line,) = run(capfd, photo, '--output', folder)
+        assert code == 2 and f"--output '{folder}': " in line

@@ -13,7 +13,6 @@ TEXT = """\
     qos_overrides: {/image: {subscription: {depth: deep}}}
 /left/detector: {ros__parameters: {tolerance: wide,
                                    line_width: 2}}
-tolerance: 3
 """
 
 

@@ -23,12 +23,13 @@ TOKENS = [
 
 def encoded(suffix: str, *options: int) -> bytes:
     pixels = SMOOTH if suffix in ('.pgm', '.pbm') else COLOUR
+    suffix = '.jpg' if suffix == '.jfif' else suffix    # which OpenCV has no name for
     return cv2.imencode(suffix, pixels, options)[1].tobytes()
 
 
 PNG, JPEG, TIFF = (encoded(suffix) for suffix in ('.png', '.jpg', '.tiff'))
 PROGRESSIVE = encoded('.jpg', cv2.IMWRITE_JPEG_PROGRESSIVE, 1)
-FILES = [*(encoded(suffix) for suffix in (*IMAGE_SUFFIXES, '.pbm')), PROGRESSIVE,
+FILES = [*(encoded(suffix) for suffix in IMAGE_SUFFIXES), PROGRESSIVE,
          encoded('.webp', cv2.IMWRITE_WEBP_QUALITY, 50), b'P2\n# c\n16 12\n255\n' + b'7 ' * 192]
 
 

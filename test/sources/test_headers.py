@@ -22,13 +22,14 @@ def encoded(suffix: str, pixels: np.ndarray) -> bytes:
         pixels = np.ascontiguousarray(pixels[..., 0])
     if suffix == '.ppm' and pixels.ndim == 2:
         pixels = np.dstack([pixels] * 3)
+    suffix = '.jpg' if suffix == '.jfif' else suffix    # which OpenCV has no name for
     return cv2.imencode(suffix, pixels)[1].tobytes()
 
 
 FILES = [encoded(suffix, SMOOTH) for suffix in IMAGE_SUFFIXES]
 
 
-@pytest.mark.parametrize('suffix', [*IMAGE_SUFFIXES, '.pbm'])
+@pytest.mark.parametrize('suffix', IMAGE_SUFFIXES)
 @pytest.mark.parametrize('pixels', [SMOOTH, COLOUR, COLOUR[:1, :7], COLOUR.repeat(30, 0)])
 def test_every_format(suffix: str, pixels: np.ndarray) -> None:
     assert size(encoded(suffix, pixels)) == pixels.shape[1::-1]

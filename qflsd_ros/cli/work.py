@@ -1,0 +1,114 @@
+"""What ``detect`` does with one picture: its arcs, and their files."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+import time
+from typing import Any, NamedTuple
+
+import cv2
+import numpy as np
+from qflsd_ros import rows
+from qflsd_ros.cli import results
+from qflsd_ros.cli.inputs import Picture
+from qflsd_ros.cli.recordings import Cloud
+from qflsd_ros.cli.settings import Settings
+from qflsd_ros.core import Arcs, Detector, estimation, with_straightness
+from qflsd_ros.ros.finding import find
+from qflsd_ros.ros.lens import CameraLens
+from qflsd_ros.sources.frames import FrameError, SourceError
+
+
+class Found(NamedTuple):
+    """
+    What was found in a picture.
+
+    Attributes
+    ----------
+    pixels
+        (H, W, 3) B, G, R or (H, W) grey, uint8.
+    arcs
+        With their column ``straight``.
+    lens
+        What JSON says of the lens; None where it is not known.
+    seconds
+        CPU time of the detection.
+
+    """
+
+    pixels: np.ndarray
+    arcs: Arcs
+    lens: dict[str, Any] | None
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """
+    What came of one picture: arcs and CPU time (s) of their detection, or what went wrong.
+
+    Of a recorded image, the segments as well.
+    """
+
+    arcs: int = 0
+    seconds: float = 0.0
+    error: str = ''
+    cloud: Cloud | None = None
+
+
+class Task(NamedTuple):
+    """A picture, and what was found in it or went wrong, where that is known already."""
+
+    picture: Picture
+    found: Found | Outcome | None = None
+
+
+class Work:
+    """Detects arcs in pictures and writes their results."""
+
+    def __init__(self, settings: Settings, folder: Path, room: Path) -> None:
+        """Take the folder of the results and a private room in it; make the detector ready."""
+        self._settings, self._folder, self._room = settings, folder, room
+        self._detector = Detector(settings.detector)
+        self._detector.warm_up()
+        estimation.warm_up()
+
+    def found(self, picture: Picture, camera: CameraLens) -> Found | Outcome:
+        """Return what is found in the next picture of a camera, or what went wrong."""
+        try:
+            return self._find(picture, camera)
+        except SourceError as error:
+            return Outcome(error=str(error))
+        except FrameError as error:     # which does not name the file
+            number = '' if picture.frame is None else f' image {picture.frame}:'
+            return Outcome(error=f'{str(picture.path)!r}:{number} {error}')
+
+    def _find(self, picture: Picture, camera: CameraLens) -> Found:
+        settings = self._settings.node
+        pixels = picture.read(settings.white_level or None)
+        gray = pixels if pixels.ndim == 2 else cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY)
+        begin = time.process_time()
+        arcs, model = find(gray, self._detector, settings, camera)
+        seconds = time.process_time() - begin
+        lens = results.lens(model, camera.estimate(settings))
+        return Found(pixels, with_straightness(arcs, model), lens, seconds)
+
+    def __call__(self, task: Task) -> Outcome:
+        """Write the results of a picture; one without findings is for itself alone."""
+        picture, found = task
+        try:
+            found = found or self.found(picture, CameraLens())
+            if isinstance(found, Outcome):
+                return found
+            results.write(self._folder, self._room, picture, found.pixels, found.arcs, found.lens,
+                          self._settings)
+        except OSError as error:
+            return Outcome(error=f'results of {picture.name!r} cannot be written: {error}')
+        return Outcome(len(found.arcs), found.seconds, cloud=self._cloud(picture, found.arcs))
+
+    def _cloud(self, picture: Picture, arcs: Arcs) -> Cloud | None:
+        if picture.moment is None:
+            return None
+        bag = picture.name.rpartition('/')[0]
+        tolerance = self._settings.node.polyline_tolerance
+        return Cloud(bag, picture.moment, rows.of_segments(arcs, tolerance))
