@@ -20,7 +20,7 @@ import numpy as np
 
 from qflsd_ros.core.distortion import DivisionModel
 
-RADII = 100         # at which the maps are compared
+RADII = 200         # at which the maps are compared; between them they differ by little more
 # px, by which either may miss the division model all over the image: for the rational polynomial
 # well below what edges are located to, .1 px; for a fisheye twice that, rather than only a part.
 CLOSE = {'rational_polynomial': 0.05, 'equidistant': 0.2}
