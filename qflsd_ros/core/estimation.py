@@ -17,6 +17,9 @@ image.  Not all arcs are pictures of straight edges, so that the likelihood is a
 with t Student's distribution of 3 degrees of freedom.  The most likely of some hundred lambdas
 is refined by Gauss-Newton steps with the weights of that mixture.
 
+Pixels are taken to be square, which arcs do not show, and the centre of distortion to be the
+image's own unless it is estimated as well; arcs that contradict that widen the deviation.
+
 Unit of length: half the image's diagonal; origin: the image's centre.
 
 References: F. Bukhari and M. N. Dailey, Automatic radial distortion estimation from a single
@@ -101,12 +104,12 @@ class LensEstimate:
 
     @property
     def std(self) -> float:
-        """Standard deviation of lambda."""
+        """Return the standard deviation of lambda."""
         return math.sqrt(self.covariance[0, 0])
 
     @property
     def centre_std(self) -> float:
-        """Standard deviation of the centre, px, the larger of x and y; 0 if taken for granted."""
+        """Return that of the centre, px, the larger of x and y; 0 if taken for granted."""
         return math.sqrt(max(self.covariance[1, 1], self.covariance[2, 2]))
 
 
@@ -123,7 +126,8 @@ def estimate_distortion(images: Sequence[Arcs], shape: tuple[int, int], *, centr
         (height, width) of the images, px.
     centre
         Estimate the centre of distortion as well; it stays close to that of the image where the
-        arcs say little about it.
+        arcs say little about it.  Otherwise it is the image's: where the arcs contradict that,
+        the standard deviation of lambda covers the error, and the log says so.
     max_std
         Standard deviation of lambda from which on it is not observable; where that is far from 0,
         (1 - lambda / 3)^2 times as much, as it takes that much to bend pictures alike.
