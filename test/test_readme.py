@@ -12,13 +12,16 @@ from diagnostic_msgs.msg import DiagnosticStatus
 import numpy as np
 import pytest
 from qflsd_ros.core import Detector
-from qflsd_ros.ros import outputs
+from qflsd_ros.ros import calibration, outputs
 from qflsd_ros.ros.detector import OUTPUTS
 from qflsd_ros.ros.diagnostics import Statistics
 from qflsd_ros.ros.images import LAYOUTS
 from qflsd_ros.ros.lens import CameraLens
 from qflsd_ros.ros.node_parameters import NodeParameters
 from qflsd_ros.sources import Scene
+import rclpy
+from rclpy.context import Context
+from rclpy.node import Node
 from std_msgs.msg import Header
 
 ROOT = Path(__file__).parents[1]
@@ -125,6 +128,21 @@ def test_code_in_a_line_runs() -> None:
         exec(text, {})
     for module in re.findall(r'`(qflsd_ros(?:\.\w+)+)`', plain):
         importlib.import_module(module)
+
+
+def test_image_proc_is_remapped_to_the_camera_info_of_the_detector() -> None:
+    """Its node takes camera_info beside the resolved name of image, which is then remapped."""
+    command = re.search(r'^ +ros2 run image_proc rectify_node (.*)$', README, re.MULTILINE)[1]
+    context = Context()
+    rclpy.init(args=command.split(), context=context)
+    try:
+        node = Node('rectify_node', context=context)
+        image = node.resolve_topic_name('image')
+        assert image == '/cam/image_raw'
+        assert node.resolve_topic_name(calibration.topic_of(image)) == '/detector/camera_info'
+        node.destroy_node()
+    finally:
+        rclpy.shutdown(context=context)
 
 
 def test_links_lead_somewhere() -> None:

@@ -1,9 +1,13 @@
 """
 The division model in the terms of ROS's CameraInfo, which does not know it.
 
-Its maps are fitted by a rational polynomial, which is all but exact for moderate lenses, or else
-by the polynomial in the angle that is called equidistant, which is so for fisheyes, also for what
-they see behind the camera.
+Its maps are fitted by a rational polynomial, which is all but exact for moderate lenses, or by
+the polynomial in the angle that is called equidistant, which is so for fisheyes of about their
+natural focal length, also for what they see behind the camera.  For other fisheyes the rational
+polynomial is fitted to the part that a rectified image shows, where it is all but exact for all.
+
+Like the division model they hold for square pixels; the centre of distortion is taken for the
+principal point, too.
 
 Unit of length: half the image's diagonal.
 """
@@ -16,8 +20,12 @@ import numpy as np
 
 from qflsd_ros.core.distortion import DivisionModel
 
-RADII = 100         # at which the maps are compared
-CLOSE = 0.05        # px, by which a rational polynomial may miss the division model
+RADII = 200         # at which the maps are compared; between them they differ by little more
+# px, by which either may miss the division model all over the image: for the rational polynomial
+# well below what edges are located to, .1 px; for a fisheye twice that, rather than only a part.
+CLOSE = {'rational_polynomial': 0.05, 'equidistant': 0.2}
+SHOWN = 1.5         # radius up to which a part is fitted, of that which a rectified image shows
+FOLD = 0.99         # share of the radius at which a pincushion folds over that is fitted
 TERMS = 3           # of the rational polynomial, above and below
 ANGLE_TERMS = 4
 REWEIGHTINGS = 5
@@ -35,14 +43,18 @@ class Calibration(NamedTuple):
         (8,) or (4,) float64, D.
     matrix
         (3, 3) float64, K in px.
+    radius
+        Distance from the centre of distortion in px up to which it is fitted: to the farthest
+        corner of the image, or less where only a part is.
     residual
-        Largest distance in px by which it misses the division model, all over the image.
+        Largest distance in px by which it misses the division model up to there.
 
     """
 
     distortion_model: str
     coefficients: np.ndarray
     matrix: np.ndarray
+    radius: float
     residual: float
 
 
@@ -56,20 +68,27 @@ def calibration(model: DivisionModel, focal_length: float = 0.0) -> Calibration:
         The lens.
     focal_length
         Focal length in px at the centre, which straight edges alone do not tell; 0 stands for
-        :func:`natural_focal_length`.  What is straightened is the same with any.
+        :func:`natural_focal_length`.  The rectified image, of the scale of the raw one at the
+        centre, is the same with any to within 0.2 px.  Of a fisheye, lambda below about -0.8,
+        only the part around it is described where the focal length is far from the natural one.
 
     """
     focal_length = focal_length or natural_focal_length(model)
-    unit = model.half_diagonal
+    unit, lam = model.half_diagonal, model.lam
     x, y = model.origin
     height, width = model.shape
     corner = math.hypot(max(x, width - 1 - x), max(y, height - 1 - y)) / unit
-    radii = np.linspace(0, corner, RADII + 1)[1:]
-    name, fit = 'rational_polynomial', _rational(model.lam, radii, focal_length / unit)
-    if unit * fit[1] > CLOSE:
-        name, fit = 'equidistant', _equidistant(model.lam, radii, focal_length / unit)
+    whole = min(corner, FOLD / math.sqrt(lam)) if lam > 0 else corner
+    shown = SHOWN * corner      # of the rectified image
+    part = min(whole, 2 * shown / (1 + math.sqrt(1 - 4 * min(lam, 0) * shown ** 2)))
+    for name, fit, radius in (('rational_polynomial', _rational, whole),
+                              ('equidistant', _equidistant, whole),
+                              ('rational_polynomial', _rational, part)):
+        coefficients, miss = fit(lam, np.linspace(0, radius, RADII + 1)[1:], focal_length / unit)
+        if unit * miss <= CLOSE[name]:
+            break
     matrix = np.array([[focal_length, 0, x], [0, focal_length, y], [0, 0, 1]])
-    return Calibration(name, fit[0], matrix, unit * fit[1])
+    return Calibration(name, coefficients, matrix, unit * radius, unit * miss)
 
 
 def natural_focal_length(model: DivisionModel) -> float:

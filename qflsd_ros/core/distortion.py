@@ -3,7 +3,7 @@ The one-parameter division model of lens distortion (paper, equation (2)).
 
 ``x_u = x_d / (1 + lambda r_d^2)`` with the origin at the distortion centre.  Lambda is normalised
 throughout: ``r_d = 1`` at half the image's diagonal, which is the corner of the image when the
-centre is the image's own.  A barrel (wide-angle, fisheye) has lambda < 0.
+centre is the image's own.  A barrel (wide-angle, fisheye) has lambda < 0.  Pixels are square.
 
 Reference: A. W. Fitzgibbon, Simultaneous linear estimation of multiple view geometry and lens
 distortion, CVPR 2001.

@@ -17,6 +17,9 @@ image.  Not all arcs are pictures of straight edges, so that the likelihood is a
 with t Student's distribution of 3 degrees of freedom.  The most likely of some hundred lambdas
 is refined by Gauss-Newton steps with the weights of that mixture.
 
+Pixels are taken to be square, which arcs do not show, and the centre of distortion to be the
+image's own unless it is estimated as well; arcs that contradict that widen the deviation.
+
 Unit of length: half the image's diagonal; origin: the image's centre.
 
 References: F. Bukhari and M. N. Dailey, Automatic radial distortion estimation from a single
@@ -26,9 +29,10 @@ one-parameter division models, IPOL 2014.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 import logging
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -54,6 +58,10 @@ RIM = 0.05              # distance of a circle from the centre, up to which it i
 # Where arcs scatter more than by their own noise, so many err together (measured on photographs).
 COMMON = 6.0
 CENTRE_SPREAD = 0.05    # standard deviation of the centre about the image's, before arcs are seen
+CENTRE_ERROR = 0.02     # by which flaws of lenses shift the centre that arcs show (photographs)
+# Square of the Mahalanobis distance from which on a centre is not the image's: chi^2 of 2 degrees
+# of freedom exceeds it once in 100.
+OFF_CENTRE = 9.2
 ITERATIONS = 30
 ASTRAY = 3.0            # times the bounds of lambda, from where steps do not come back
 SMALL = 0.02            # step after which no other follows, in standard deviations
@@ -74,10 +82,9 @@ class LensEstimate:
     ----------
     model
         The most likely lens.
-    std
-        Standard deviation of its lambda.
-    centre_std
-        Standard deviation of its centre, px; 0 where that was taken for granted.
+    covariance
+        (3, 3) float64 of lambda and of the centre's x and y, px; 0 for a centre that was taken
+        for granted.
     agreeing
         Number of arcs that agree with it.
     share
@@ -86,8 +93,7 @@ class LensEstimate:
     """
 
     model: DivisionModel
-    std: float
-    centre_std: float
+    covariance: np.ndarray = field(compare=False)
     agreeing: int
     share: float
 
@@ -95,6 +101,16 @@ class LensEstimate:
     def lam(self) -> float:
         """Lambda, normalised to half the image's diagonal."""
         return self.model.lam
+
+    @property
+    def std(self) -> float:
+        """Return the standard deviation of lambda."""
+        return math.sqrt(self.covariance[0, 0])
+
+    @property
+    def centre_std(self) -> float:
+        """Return that of the centre, px, the larger of x and y; 0 if taken for granted."""
+        return math.sqrt(max(self.covariance[1, 1], self.covariance[2, 2]))
 
 
 def estimate_distortion(images: Sequence[Arcs], shape: tuple[int, int], *, centre: bool = False,
@@ -110,7 +126,8 @@ def estimate_distortion(images: Sequence[Arcs], shape: tuple[int, int], *, centr
         (height, width) of the images, px.
     centre
         Estimate the centre of distortion as well; it stays close to that of the image where the
-        arcs say little about it.
+        arcs say little about it.  Otherwise it is the image's: where the arcs contradict that,
+        the standard deviation of lambda covers the error, and the log says so.
     max_std
         Standard deviation of lambda from which on it is not observable; where that is far from 0,
         (1 - lambda / 3)^2 times as much, as it takes that much to bend pictures alike.
@@ -128,27 +145,53 @@ def estimate_distortion(images: Sequence[Arcs], shape: tuple[int, int], *, centr
 def estimate_from(seen: np.ndarray, shape: tuple[int, int], centre: bool = False,
                   max_std: float = MAX_STD) -> LensEstimate | None:
     """Do as :func:`estimate_distortion`, from what :func:`observe` returns."""
+    useful = telling(seen)
+    if len(useful) < LEAST_ARCS:
+        return _not_observable(f'{len(useful)} of {len(seen)} arcs are long enough and far '
+                               f'enough from the centre, must be at least {LEAST_ARCS}')
+    fit = _refine(useful, _best(useful, centre), 3 if centre else 1)
+    agreeing = int(np.count_nonzero(fit.straight > 0.5))
+    if agreeing < max(LEAST_ARCS, LEAST_SHARE * len(useful)):
+        return _not_observable(f'{agreeing} of {len(useful)} arcs agree at most')
+    lam, covariance = float(fit.lens[0]), fit.covariance
+    if not centre:
+        covariance[0, 0] += _astray(useful, fit) ** 2
+    std, most = math.sqrt(covariance[0, 0]), max_std * (1 - lam / 3) ** 2
+    if not (LOWEST <= lam <= HIGHEST and std <= most):
+        return _not_observable(f'lambda would be {lam:.3f} with a standard deviation of '
+                               f'{std:.3f}, must be at most {most:.3f}')
+    model = DivisionModel(lam, shape)
+    scale = np.array([1.0, model.half_diagonal, model.half_diagonal])
+    if centre:
+        model = replace(model, centre=tuple((model.origin + (scale * fit.lens)[1:]).tolist()))
+    return LensEstimate(model, covariance * np.outer(scale, scale), agreeing,
+                        agreeing / len(useful))
+
+
+def telling(seen: np.ndarray) -> np.ndarray:
+    """Return the observations that say something of the lens by themselves, and are no rim."""
     bend, normal, point = seen[:, [CURVATURE]], seen[:, NORMAL:POINT], seen[:, POINT:]
     across = (normal * point).sum(axis=1)
     is_rim = np.hypot(*(bend * point - normal).T) < RIM * np.abs(bend[:, 0])
-    telling = seen[(4 * across ** 2 * TELLING ** 2 > seen[:, VARIANCE]) & ~is_rim]
-    if len(telling) < LEAST_ARCS:
-        return _not_observable(f'{len(telling)} of {len(seen)} arcs are long enough and far '
-                               f'enough from the centre, must be at least {LEAST_ARCS}')
-    lens, deviations, straight = _refine(telling, _best(telling, centre), 3 if centre else 1)
-    agreeing = int(np.count_nonzero(straight > 0.5))
-    if agreeing < max(LEAST_ARCS, LEAST_SHARE * len(telling)):
-        return _not_observable(f'{agreeing} of {len(telling)} arcs agree at most')
-    most = max_std * (1 - lens[0] / 3) ** 2
-    if not (LOWEST <= lens[0] <= HIGHEST and deviations[0] <= most):
-        return _not_observable(f'lambda would be {lens[0]:.3f} with a standard deviation of '
-                               f'{deviations[0]:.3f}, must be at most {most:.3f}')
-    model = DivisionModel(float(lens[0]), shape)
-    unit = model.half_diagonal
-    if centre:
-        model = replace(model, centre=tuple((model.origin + unit * lens[1:]).tolist()))
-    return LensEstimate(model, float(deviations[0]), float(unit * deviations[1:].max(initial=0)),
-                        agreeing, agreeing / len(telling))
+    return seen[(4 * across ** 2 * TELLING ** 2 > seen[:, VARIANCE]) & ~is_rim]
+
+
+def _astray(seen: np.ndarray, fit: _Fit) -> float:
+    """
+    Return by how much lambda is wrong where arcs contradict the centre that it takes for granted.
+
+    The most likely centre is then farther off than its own scatter and CENTRE_ERROR explain, and
+    lambda with that centre differs from the one without by about its error.
+    """
+    free = _refine(seen, fit.lens[0], 3)
+    shift = free.lens[1:]
+    covariance = free.scatter[1:, 1:] + CENTRE_ERROR ** 2 * np.eye(2)
+    if shift @ np.linalg.solve(covariance, shift) < OFF_CENTRE:
+        return 0.0
+    logging.getLogger(__name__).info(
+        'arcs contradict a centre of distortion in the middle of the image: it seems to be off '
+        'by (%.2f, %.2f) of half the diagonal and should be estimated, too', *shift)
+    return free.lens[0] - fit.lens[0]
 
 
 def straightness(arcs: Arcs, model: DivisionModel) -> np.ndarray:
@@ -298,10 +341,24 @@ def _compare(seen: np.ndarray, lens: np.ndarray, spread: np.ndarray, found: np.n
         found[i, 4], found[i, 5] = straight, straight * 4 / (3 + square) / variance
 
 
-def _refine(seen: np.ndarray, start: float,
-            free: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+class _Fit(NamedTuple):
     """
-    Return lens (3,), standard deviations (free,), and the probability of each arc to be straight.
+    A lens fitted to arcs.
+
+    Lambda and the centre, (3,); their covariance, (3, 3), without and with the error by which
+    the centre is drawn to the image's own, 0 where it is; and the probability of each arc to be
+    straight, (N,).  In units of half the diagonal.
+    """
+
+    lens: np.ndarray
+    scatter: np.ndarray
+    covariance: np.ndarray
+    straight: np.ndarray
+
+
+def _refine(seen: np.ndarray, start: float, free: int) -> _Fit:
+    """
+    Return the most likely lens near a lambda.
 
     Of lambda and the centre's x and y the first ``free`` are looked for.  The centre is as open
     at first as CENTRE_SPREAD says, then as the arcs leave it.
@@ -323,18 +380,23 @@ def _refine(seen: np.ndarray, start: float,
             break
     influence = (slopes * weights[:, None]) @ inverse
     own = (influence * slopes).sum(axis=1)
-    return lens, _deviations(seen, error / (1 - own), influence, inverse @ prior), found[:, 4]
+    pull = inverse @ prior * CENTRE_SPREAD
+    scatter, covariance = np.zeros((3, 3)), np.zeros((3, 3))
+    scatter[:free, :free] = _scatter(seen, error / (1 - own), influence)
+    covariance[:free, :free] = scatter[:free, :free] + pull @ pull.T
+    return _Fit(lens, scatter, covariance, found[:, 4])
 
 
-def _deviations(seen: np.ndarray, error: np.ndarray, influence: np.ndarray,
-                pull: np.ndarray) -> np.ndarray:
+def _scatter(seen: np.ndarray, error: np.ndarray, influence: np.ndarray) -> np.ndarray:
     """
-    Return standard deviations from how the arcs scatter, each left out of the fit in turn.
+    Return the covariance of a fit from how the arcs scatter, each left out of it in turn.
 
     Arcs that lie close to each other show the same flaws of lens and edges: what is more than
     their own noise counts COMMON times, as if so many were one.
     """
     noise = (influence ** 2 * seen[:, [NOISE]]).sum(axis=0)
-    scatter = (influence ** 2 * error[:, None] ** 2).sum(axis=0)
-    excess = np.maximum(scatter - noise, 0)
-    return np.sqrt(noise + COMMON * excess + (pull ** 2).sum(axis=1) * CENTRE_SPREAD ** 2)
+    product = (influence.T * error ** 2) @ influence
+    scatter = np.diag(product)
+    deviations = np.sqrt(noise + COMMON * np.maximum(scatter - noise, 0))
+    scale = deviations / np.sqrt(np.maximum(scatter, np.finfo(float).tiny))
+    return product * np.outer(scale, scale)

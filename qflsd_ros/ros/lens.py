@@ -14,7 +14,9 @@ from qflsd_ros.sources.reasons import Reason
 
 UNKNOWN = {
     'off': 'parameter lens is off: must be estimate or fixed for ~/camera_info and ~/rectified',
-    'estimate': 'the lens is not known yet: too few long straight edges away from the centre',
+    'estimate': 'the lens is not known yet: too few long straight edges away from the centre, or '
+                'a centre of distortion that is not in the middle of the image '
+                '(lens_find_centre)',
 }
 
 
@@ -67,8 +69,10 @@ class CameraLens:
         estimate = tracker.estimate  # once: the detection thread may begin anew meanwhile
         if settings.lens == 'estimate' and estimate:
             values |= _estimated(estimate, tracker.outliers)
-        residual = described(model, settings.focal_length).residual
-        return values | {'camera_info residual (px)': f'{residual:.3f}'}
+        found = described(model, settings.focal_length)
+        return values | {'camera_info model': found.distortion_model,
+                         'camera_info radius (px)': f'{found.radius:.0f}',
+                         'camera_info residual (px)': f'{found.residual:.3f}'}
 
 
 def _estimated(estimate: LensEstimate, outliers: int) -> dict[str, str]:

@@ -78,6 +78,42 @@ def test_the_standard_deviation_is_honest(lam, noise):
     assert abs(errors.mean()) < 0.5
 
 
+@pytest.mark.parametrize('lam', [-0.1, -0.3, -0.6, 0.2])
+@pytest.mark.parametrize('shift', [(0.15, 0.0), (0.0, -0.15), (-0.11, 0.11)])
+def test_a_centre_far_off_is_noticed_where_it_is_taken_for_granted(lam, shift, caplog):
+    """Shifted by 15 % of the image; the deviation covers what that does to lambda."""
+    caplog.set_level(logging.INFO, 'qflsd_ros')
+    lens = DivisionModel(lam, SHAPE, (319.5 + 640 * shift[0], 239.5 + 480 * shift[1]))
+    for seed in range(20):
+        arcs = arcs_of(edges(lens, 40, seed), seed=seed)
+        found = estimate_distortion([arcs], SHAPE, max_std=1.0)
+        assert abs(found.lam - lam) < 3 * found.std
+        assert 'contradict a centre of distortion in the middle' in caplog.text
+        caplog.clear()
+
+
+@pytest.mark.parametrize('lam', [-1.0, -0.3, 0.0, 0.2])
+def test_a_centre_in_the_middle_costs_nothing(lam, caplog):
+    caplog.set_level(logging.INFO, 'qflsd_ros')
+    for seed in range(20):
+        arcs = arcs_of(edges(DivisionModel(lam, SHAPE), 40, seed), seed=seed)
+        assert estimate_distortion([arcs], SHAPE).std < 0.003 * spread(lam)
+    assert not caplog.messages
+
+
+def test_the_covariance_of_lambda_and_centre_is_honest():
+    """Lambda and centre err together as it says: the mean square of their distance by it is 3."""
+    lens, squares = DivisionModel(-0.4, SHAPE, (330.0, 232.0)), []
+    for seed in range(60):
+        arcs = arcs_of(edges(lens, 40, seed), seed=seed)
+        found = estimate_distortion([arcs], SHAPE, centre=True, max_std=1.0)
+        off = np.array([found.lam - lens.lam, *(found.model.origin - lens.origin)])
+        squares.append(off @ np.linalg.solve(found.covariance, off))
+        assert found.std ** 2 == pytest.approx(found.covariance[0, 0])
+        assert found.centre_std ** 2 == pytest.approx(found.covariance.diagonal()[1:].max())
+    assert 0.6 < np.sqrt(np.mean(squares) / 3) < 1.4
+
+
 def test_images_of_one_camera_together_tell_more():
     lens = DivisionModel(-0.3, SHAPE)
     images = [arcs_of(edges(lens, 12, seed), seed=seed) for seed in range(8)]

@@ -28,6 +28,8 @@ def test_off_and_fixed_take_no_notice_of_the_arcs():
     assert (values['lens'], values['lens lambda']) == ('fixed', '-0.7000')
     assert values['lens centre (px)'] == '319.5, 250.0'
     assert float(values['camera_info residual (px)']) < 0.05
+    assert values['camera_info model'] == 'rational_polynomial'
+    assert float(values['camera_info radius (px)']) == pytest.approx(np.hypot(320, 250), abs=1)
     assert 'lens lambda deviation' not in values
 
 
