@@ -79,8 +79,8 @@ def test_keys_are_those_of_what_is_imported(distro: str) -> None:
 def test_pip_installs_what_rosdep_does(setup: dict[str, Any]) -> None:
     on_pypi = {key: name for key, name, _ in PYTHON}
     run, test = (keys('rolling', kind) for kind in ('exec_depends', 'test_depends'))
-    assert names(setup['install_requires']) == {on_pypi[key] for key in run if key in on_pypi}
-    assert names(setup['extras_require']['test']) >= {on_pypi[key] for key in test if key in on_pypi}
+    assert names(setup['install_requires']) == {on_pypi[key] for key in run & set(on_pypi)}
+    assert names(setup['extras_require']['test']) >= {on_pypi[key] for key in test & set(on_pypi)}
 
 
 def test_wheels_of_both_distributions_are_the_same(setup: dict[str, Any]) -> None:
