@@ -18,7 +18,6 @@ ROOT = Path(__file__).parents[1]
 PYTHON = (
     ('python3-hypothesis', 'hypothesis', 'hypothesis'),
     ('python3-matplotlib', 'matplotlib', 'matplotlib'),
-    ('python3-mypy', 'mypy', 'mypy'),
     ('python3-numba', 'numba', 'numba'),
     ('python3-numpy', 'numpy', 'numpy'),
     ('python3-opencv', 'opencv-python-headless', 'cv2'),
