@@ -7,7 +7,7 @@ NAME = 'qflsd_ros'
 
 setup(
     name=NAME,
-    version='0.1.0',
+    version='0.2.0',
     description='Line segments from any camera, fisheye included, without a calibration',
     author='qflsd_ros maintainers',
     maintainer='qflsd_ros maintainers',
