@@ -47,6 +47,7 @@ setup(
             'mypy',
             'pydocstyle',
             'pytest',
+            'pytest-xdist',
             'scipy',
             'scipy-stubs',
             'types-PyYAML',

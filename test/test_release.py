@@ -1,4 +1,4 @@
-"""The version is one everywhere, and script/release keeps it so: tried in a repository of its own."""
+"""The version is one everywhere, and script/release keeps it so, in a repository of its own."""
 from __future__ import annotations
 
 import os
