@@ -70,7 +70,7 @@ def test_paths_and_extras_exist(name: str) -> None:
             assert f"'{extra}': [" in SETUP
     for file in re.findall(r'\w+\.launch\.py', text):
         assert (ROOT / 'launch' / file).is_file()
-    for marker in re.findall(r' -m (\w+)$', text, re.MULTILINE):
+    for marker in re.findall(r'script/test -m (\w+)', text):
         assert f'    {marker}\n' in (ROOT / 'setup.cfg').read_text()
 
 
