@@ -76,7 +76,7 @@ setup(
     entry_points={
         'console_scripts': [
             f'camera = {NAME}.ros.__main__:camera',
-            f'demo = {NAME}.cli.demo:main',
+            f'demo = {NAME}.ros.__main__:demo',
             f'detect = {NAME}.cli.detect:main',
             f'detector = {NAME}.ros.__main__:detector',
         ],

@@ -80,6 +80,11 @@ install_package() {
         > "$log" 2>&1 || fail_install "$log"
 }
 
+# What pip was once told may be undone since.
+is_installed() {
+    [[ -x $VENV/bin/demo ]] && "$VENV/bin/python" -I -c 'import qflsd_ros' 2>/dev/null
+}
+
 set_up() {
     choose_python
     check_ros
@@ -93,7 +98,7 @@ set_up() {
         echo 'Making .venv ...' >&2
         make_venv
     fi
-    if ! cksum "$ROOT/setup.py" | cmp -s - "$stamp"; then
+    if ! { cksum "$ROOT/setup.py" | cmp -s - "$stamp" && is_installed; }; then
         echo 'Installing into .venv what this package needs (the first time: a minute or two) ...' >&2
         install_package "$list"
         cksum "$ROOT/setup.py" > "$stamp"

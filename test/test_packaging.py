@@ -103,18 +103,89 @@ def test_colcon_test_runs_the_tests(workspace: Path) -> None:
     assert summary and int(summary[1]) > 20, said
 
 
-def test_pip_installs_executables_and_what_ros2_run_needs(tmp_path: Path) -> None:
-    """Executables run from bin; a link to it makes them what ros2 run finds."""
-    prefix = tmp_path / 'prefix'
-    run(tmp_path, sys.executable, '-m', 'pip', 'install', '--no-deps', '--no-build-isolation',
-        '--prefix', str(prefix), str(copy(tmp_path)))
-    (prefix / 'lib' / 'qflsd_ros').symlink_to('../bin')
-    said = run(tmp_path, 'env', f'AMENT_PREFIX_PATH={prefix}:{environment()["AMENT_PREFIX_PATH"]}',
-               sys.executable, '-c', 'from ament_index_python import get_package_prefix; '
-               'print(get_package_prefix("qflsd_ros"))')
-    assert said.strip() == str(prefix)
+@pytest.fixture(scope='module')
+def prefix(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a prefix into which pip has installed the package, and it alone."""
+    folder = tmp_path_factory.mktemp('pip')
+    prefix = folder / 'prefix'
+    # Without --ignore-installed, pip would uninstall the package from where this one runs.
+    run(folder, sys.executable, '-m', 'pip', 'install', '--no-deps', '--no-build-isolation',
+        '--ignore-installed', '--prefix', str(prefix), str(copy(folder)))
+    for line in section('With pip, beside a sourced ROS 2 Jazzy'):
+        if line.startswith('mkdir'):
+            run(folder, 'env', f'VIRTUAL_ENV={prefix}', 'bash', '-ec', line)
+    return prefix
+
+
+def section(title: str) -> list[str]:
+    """Return the lines of code below a heading of the README."""
+    readme = (ROOT / 'README.md').read_text()
+    text = re.search(rf'^### {title}\n(.*?)(?=^#)', readme, re.DOTALL | re.MULTILINE)[1]
+    return [line.strip() for line in text.splitlines() if line.startswith('    ')]
+
+
+def within(prefix: Path, *command: str) -> str:
+    """Run a command with the package of a prefix, found by Python and by ament."""
     [packages] = prefix.glob('lib/python*/site-packages')
+    return run(prefix, 'env', f'PYTHONPATH={packages}',
+               f'AMENT_PREFIX_PATH={prefix}:{environment()["AMENT_PREFIX_PATH"]}', *command)
+
+
+def test_pip_installs_executables_and_what_ros2_run_needs(prefix: Path) -> None:
+    """Executables run from bin; ros2 run finds those of the package, and no others."""
+    said = within(prefix, sys.executable, '-c', 'from ament_index_python import '
+                  'get_package_prefix; print(get_package_prefix("qflsd_ros"))')
+    assert said.strip() == str(prefix)
+    (prefix / 'bin' / 'python').touch(0o755)  # as in a virtual environment
+    found = {path.name for path in (prefix / 'lib' / 'qflsd_ros').iterdir()}
+    assert found == set(EXECUTABLES)
     for name in EXECUTABLES:
         assert os.access(prefix / 'lib' / 'qflsd_ros' / name, os.X_OK)
-    said = run(tmp_path, 'env', f'PYTHONPATH={packages}', str(prefix / 'bin' / 'detect'), '--help')
-    assert said.startswith('usage: detect')
+    assert within(prefix, str(prefix / 'bin' / 'detect'), '--help').startswith('usage: detect')
+
+
+def test_the_demo_finds_its_profile_wherever_it_is_installed(prefix: Path,
+                                                             workspace: Path) -> None:
+    """The share of a prefix of pip's, that of colcon, and the folder config of a checkout."""
+    program = 'from qflsd_ros.cli.demo import profiles; print(profiles())'
+    file = Path('share', 'qflsd_ros', 'config', 'fastdds.xml')
+    assert within(prefix, sys.executable, '-c', program).strip() == str(prefix / file)
+    built = run(workspace, 'sh', '-c', f'. install/setup.sh && {sys.executable} -c "{program}"')
+    assert built.strip() == str(workspace / 'install' / 'qflsd_ros' / file)
+    here = run(workspace, sys.executable, '-c', program)
+    assert here.strip() == str(ROOT / 'config' / 'fastdds.xml')
+
+
+def test_the_package_here_stays_installed(prefix: Path) -> None:
+    """Tests install copies elsewhere and leave the one that they run in alone."""
+    assert prefix.is_dir()
+    for name in EXECUTABLES:
+        assert os.access(Path(sys.executable).parent / name, os.X_OK)
+
+
+INSTALL = """
+. script/environment.sh
+install_package() {  # in place of pip, which would take a minute
+    echo installed >> installations
+    (cd "$VENV"/lib/python3*/site-packages && ln -sfn "$ROOT/qflsd_ros")
+    install -m 755 /dev/null "$VENV/bin/demo"
+}
+set_up test
+"""
+
+
+def test_scripts_install_a_package_that_has_gone(tmp_path: Path) -> None:
+    """They look at what is there, not only at what they did once."""
+    root = copy(tmp_path)
+    shutil.copytree(ROOT / 'script', root / 'script')
+
+    def installations() -> int:
+        run(root, 'bash', '-euc', INSTALL)
+        return len((root / 'installations').read_text().splitlines())
+
+    assert installations() == installations() == 1
+    (root / '.venv' / 'bin' / 'demo').unlink()
+    assert installations() == installations() == 2
+    [link] = (root / '.venv').glob('lib/python3*/site-packages/qflsd_ros')
+    link.unlink()
+    assert installations() == installations() == 3

@@ -17,6 +17,7 @@ from typing import Callable
 from qflsd_ros.cli.film import Film
 from qflsd_ros.cli.gallery import Gallery
 from qflsd_ros.cli.interruption import noted
+from qflsd_ros.cli.leash import START
 from qflsd_ros.cli.observer import Counts, Observer
 from qflsd_ros.cli.processes import ProcessError, Processes
 from qflsd_ros.sources.files import IMAGE_SUFFIXES
@@ -86,12 +87,27 @@ def shows_stills(source: str | None) -> bool:
 
 def commands(source: str | None) -> dict[str, list[str]]:
     """Return the command lines of camera and detector."""
-    camera = [sys.executable, '-m', 'qflsd_ros.ros', 'camera', '--ros-args']
+    python = [sys.executable, '-c', START]
+    camera = [*python, 'camera', '--ros-args']
     if source is not None:
         camera += ['-p', f'source:={json.dumps(source)}']  # quoted: a number is no index else
     if shows_stills(source):
         camera += ['-p', f'rate:={STILLS_RATE}']
-    return {'camera': camera, 'detector': [sys.executable, '-m', 'qflsd_ros.ros', 'detector']}
+    return {'camera': camera, 'detector': [*python, 'detector']}
+
+
+def profiles() -> Path:
+    """Return the Fast DDS profile of the package, whether that is installed or a checkout."""
+    package = Path(__file__).parents[1]
+    shares = [folder / 'share' / 'qflsd_ros' for folder in package.parents]
+    return next(file for share in (package.parent, *shares)
+                if (file := share / 'config' / 'fastdds.xml').is_file())
+
+
+def prepare_environment() -> None:
+    """Choose a domain of our own on this machine, with room for large images."""
+    os.environ.update(ROS_DOMAIN_ID=str(free_domain()), ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST')
+    os.environ.setdefault('FASTRTPS_DEFAULT_PROFILES_FILE', str(profiles()))
 
 
 def await_result(executor: Executor, observer: Observer, processes: Processes,
@@ -157,8 +173,7 @@ def main(args: list[str] | None = None) -> int:
     arguments = parse(args)
     check = noted(signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
     try:
-        os.environ.update(ROS_DOMAIN_ID=str(free_domain()),
-                          ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST')
+        prepare_environment()
         print(f'Starting camera and detector, ROS_DOMAIN_ID={os.environ["ROS_DOMAIN_ID"]} '
               '(the first time ever, compiling takes half a minute) ...', flush=True)
         run(arguments, check)

@@ -21,7 +21,8 @@ class Processes:
     """
     Named processes, started on entering and ended on leaving: by SIGINT, else by SIGKILL.
 
-    Each has a process group of its own: a Ctrl-C reaches it in this way alone.
+    Each has a process group of its own: a Ctrl-C reaches it in this way alone. Its standard input
+    stays open as long as this process lives, however that may end: :mod:`qflsd_ros.cli.leash`.
     """
 
     def __init__(self, commands: Mapping[str, Sequence[str]]) -> None:
@@ -33,7 +34,8 @@ class Processes:
         """Start them."""
         try:
             for name, command in self._commands.items():
-                self._processes[name] = subprocess.Popen(command, start_new_session=True)
+                self._processes[name] = subprocess.Popen(
+                    command, start_new_session=True, stdin=subprocess.PIPE)
         except BaseException:
             self.__exit__()
             raise

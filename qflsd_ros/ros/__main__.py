@@ -1,31 +1,69 @@
 """
 The executables: ``python3 -m qflsd_ros.ros detector``, or ``camera``.
 
-A node takes a second to import. Only this small file is there before an interrupt finds its way.
+A node takes a second to import. Only this small file is there before a signal finds its way.
 """
 from __future__ import annotations
 
 from importlib import import_module
+import os
 import signal
 import sys
+import threading
+
+USAGE = 2  # exit code
 
 
 def camera() -> int:
     """Run the node ``camera``; return the exit code."""
-    return _main('camera')
+    return _node('camera')
 
 
 def detector() -> int:
     """Run the node ``detector``; return the exit code."""
-    return _main('detector')
+    return _node('detector')
 
 
-def _main(module: str) -> int:
-    # Python's own handler would break in anywhere, in the midst of an import as well; without any,
-    # an interrupt ends the process at once. From rclpy.init on, it ends the node.
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
-    return import_module(f'qflsd_ros.ros.{module}').main()
+def demo() -> int:
+    """Run the command ``demo``; return the exit code."""
+    return _run('demo', 'qflsd_ros.cli.demo')
+
+
+def _node(name: str) -> int:
+    # Python's own handler would break in anywhere, in the midst of an import as well. From
+    # rclpy.init on, a signal ends the node.
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: os._exit(0))
+    code = _run(name, f'qflsd_ros.ros.{name}')
+    if threading.active_count() > 1:
+        # A thread still compiles or detects. It cannot be ended, and would crash without Python.
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+    return code
+
+
+def _run(name: str, module: str) -> int:
+    """Run what a module has as ``main``; where ROS is not installed, say so in one line."""
+    try:
+        main = import_module(module).main
+    except ModuleNotFoundError as error:
+        if (error.name or '').startswith('qflsd_ros'):
+            raise
+        print(f'{name}: the Python module {error.name} is not here: source ROS 2 Jazzy, or '
+              "install it as wheels: pip install 'qflsd_ros[ros]'", file=sys.stderr)
+        return USAGE
+    return main()
+
+
+def main() -> int:
+    """Run the node that the command line names; return the exit code."""
+    nodes = {'camera': camera, 'detector': detector}
+    if sys.argv[1:2] and sys.argv[1] in nodes:
+        return nodes[sys.argv[1]]()
+    print(f'usage: python3 -m qflsd_ros.ros {"|".join(nodes)} [--ros-args ...]', file=sys.stderr)
+    return USAGE
 
 
 if __name__ == '__main__':
-    sys.exit({'camera': camera, 'detector': detector}[sys.argv[1]]())
+    sys.exit(main())

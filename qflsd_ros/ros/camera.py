@@ -16,6 +16,7 @@ from typing import Callable
 from builtin_interfaces.msg import Time
 from qflsd_ros.core.parameters import check, parameter
 from qflsd_ros.ros import parameters
+from qflsd_ros.ros.kernels import Kernels
 from qflsd_ros.ros.run import run
 from qflsd_ros.sources import Frame, open_source, Scene, SceneFrames, Source
 from rclpy.duration import Duration
@@ -109,11 +110,14 @@ class CameraNode(Node):
         self._source = open_camera(self._settings, self.get_logger().warning)
         if self._source.note:
             self.get_logger().info(f'{self._source.note}: set topic to choose')
+        self._kernels = Kernels(self, 'qflsd_ros.sources', self._source.warm_up)
 
     def run(self) -> None:
         """Publish the source's frames when they are due, and answer services in between."""
         executor = SingleThreadedExecutor(context=self.context)
         executor.add_node(self)
+        while not self._kernels.ready:
+            executor.spin_once()
         for frame in self._frames():
             executor.spin_once(0)
             while (wait := self._due - time.monotonic()) > 0:

@@ -21,6 +21,7 @@ from qflsd_ros.core.planes import planes
 from qflsd_ros.ros import calibration, compressed, images, lens, outputs, parameters
 from qflsd_ros.ros.diagnostics import Statistics
 from qflsd_ros.ros.finding import find
+from qflsd_ros.ros.kernels import Kernels
 from qflsd_ros.ros.lazy import LazySubscription
 from qflsd_ros.ros.losses import Losses
 from qflsd_ros.ros.markers import markers
@@ -81,6 +82,11 @@ TRANSPORTS = {
 }
 
 
+def _warm_up() -> None:
+    Detector().warm_up()
+    estimation.warm_up()
+
+
 def _segments(result: Result) -> PointCloud2:
     return outputs.segments(result.header, result.arcs, result.settings.polyline_tolerance)
 
@@ -139,8 +145,6 @@ class DetectorNode(Node):
         super().__init__('detector')
         parameters.attach(self, (Parameters, NodeParameters), self._apply, check_together)
         self._read_mask()
-        self._active[0].warm_up()
-        estimation.warm_up()
         self._statistics = Statistics()
         self._last_log: dict[str, float] = {}
         self._slot: Slot[Frame] = Slot()
@@ -152,12 +156,12 @@ class DetectorNode(Node):
         self._losses = Losses(self._cameras)
         self._images = LazySubscription(self, self._subscribe)
         self._calibration = LazySubscription(self, self._subscribe_calibration)
-        self._follow_listeners()
         parameters.warn_of_unknown(self)
         self.create_timer(DIAGNOSTICS_PERIOD, self._diagnose,
                           clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._worker = Thread(target=self._work, name='detection', daemon=True)
-        self._worker.start()
+        self._kernels = Kernels(self, 'qflsd_ros.core', _warm_up, self._begin)
+        self._follow_listeners()
 
     def run(self) -> None:
         """Work until the node is shut down."""
@@ -165,8 +169,14 @@ class DetectorNode(Node):
             rclpy.spin(self)
         finally:
             self._slot.close()
-            self._worker.join(CLOSE_TIMEOUT)  # unless a frame takes it too long
+            if self._worker.is_alive():
+                self._worker.join(CLOSE_TIMEOUT)  # unless a frame takes it too long
             self.destroy_node()
+
+    def _begin(self) -> None:
+        """Take images from now on: kernels are ready."""
+        self._worker.start()
+        self._follow_listeners()
 
     def _read_mask(self) -> None:
         """Read the mask now, if there is one: later, nobody can make the node read a file."""
@@ -218,7 +228,7 @@ class DetectorNode(Node):
 
     def _follow_listeners(self) -> None:
         """Be subscribed to the camera just as long as somebody listens to the results."""
-        heard = self._heard()
+        heard = self._heard() if self._kernels.ready else set()
         self._images.follow(bool(heard))
         self._calibration.follow(WITH_CALIBRATION in heard)
         if WITH_CALIBRATION not in heard:
@@ -301,6 +311,8 @@ class DetectorNode(Node):
         status = DiagnosticStatus(name=f'{self.get_fully_qualified_name()}: detection',
                                   hardware_id=settings.hardware_id or self._frame_topic)
         self._statistics.report(status, bool(self._images), settings.max_age)
+        if compiling := self._kernels.compiling:
+            status.level, status.message = DiagnosticStatus.WARN, compiling
         status.values += [KeyValue(key=key, value=value)
                           for key, value in self._lens.values(settings).items()]
         message = DiagnosticArray(status=[status])

@@ -1,6 +1,7 @@
 """Run a node until it is told to end, and say in one line why it cannot start."""
 from __future__ import annotations
 
+import signal
 import sys
 from typing import Callable, Protocol
 
@@ -45,6 +46,8 @@ def run(name: str, make: Callable[[], Runnable]) -> int:
 
 
 def _made(make: Callable[[], Runnable]) -> Runnable:
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_DFL)  # rclpy calls what was there before, too
     try:
         rclpy.init()
     except RuntimeError as error:

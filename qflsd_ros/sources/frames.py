@@ -124,6 +124,9 @@ class Source(ABC):
         if empty:
             raise SourceError(f'{self.name}: not one frame in it can be read')
 
+    def warm_up(self) -> None:
+        """Do what takes long before the first frame, but for reading: by default, nothing."""
+
     @abstractmethod
     def _frames(self) -> Iterator[Frame]:
         """Yield the frames, and skip what cannot be read."""

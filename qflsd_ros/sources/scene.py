@@ -112,6 +112,10 @@ class SceneFrames(Source):
         super().__init__('scene', report_by_log)
         self._scene = scene
 
+    def warm_up(self) -> None:
+        """Compile the kernels, or load them from disk."""
+        self._scene.image(0)
+
     def _frames(self) -> Iterator[Frame]:
         for number in itertools.count():
             yield Frame.of(self._scene.image(number), encoding(self._scene.colour),

@@ -13,20 +13,43 @@ from typing import Callable
 import cv2
 import numpy as np
 import pytest
+from qflsd_ros.cli.leash import START
+from qflsd_ros.cli.processes import Processes
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import get_typestore, Stores
 
+ROOT = Path(__file__).parents[2]
 TIMEOUT = 180.0  # s; generous: the machine may be busy, and kernels may have to be compiled
 LINE = re.compile(r' *(\d+) s: in +(\d+), out +(\d+), arcs +(\d+), '
                   r'latency +([\d.]+) ms, p95 +([\d.]+) ms, age +([\d.]+) ms')
 
 
-def start(*arguments: object) -> subprocess.Popen[str]:
+def start(*arguments: object, folder: Path | None = None) -> subprocess.Popen[str]:
     """Start the command as a process of its own."""
     return subprocess.Popen(
-        [sys.executable, '-m', 'qflsd_ros.cli.demo', *map(str, arguments)], text=True,
+        [Path(sys.executable).with_name('demo'), *map(str, arguments)], text=True, cwd=folder,
         stdout=subprocess.PIPE, stderr=subprocess.PIPE,
         env={'AMENT_PREFIX_PATH': sys.prefix} | os.environ)
+
+
+def until_results(process: subprocess.Popen[str]) -> list[int]:
+    """Wait for the first line of figures; return camera and detector."""
+    assert process.stdout is not None and process.stderr is not None
+    while not LINE.match(process.stdout.readline()):
+        assert process.poll() is None, process.stderr.read()
+    started = children(process.pid)
+    assert len(started) == 2
+    return started
+
+
+def all_gone(processes: list[int]) -> bool:
+    """Return whether none of some processes runs any more; one that nobody waits for does not."""
+    def runs(number: int) -> bool:
+        try:
+            return Path('/proc', str(number), 'stat').read_text().rpartition(')')[2].split()[0] != 'Z'
+        except OSError:
+            return False
+    return not any(map(runs, processes))
 
 
 def run(*arguments: object) -> tuple[int, str, str]:
@@ -156,16 +179,51 @@ def test_an_unreadable_input_ends_with_the_cameras_exit_code(tmp_path: Path) -> 
 def test_no_process_outlives_it(tmp_path: Path, with_signal: signal.Signals) -> None:
     """A signal ends camera and detector with it."""
     process = start('--seconds', 1000, '--output', tmp_path)
-    assert process.stdout is not None and process.stderr is not None
-    while not LINE.match(process.stdout.readline()):
-        assert process.poll() is None, process.stderr.read()
-    started = children(process.pid)
-    assert len(started) == 2
+    started = until_results(process)
     process.send_signal(with_signal)
     _, stderr = process.communicate(timeout=TIMEOUT)
     assert process.returncode == 130, stderr
     assert 'Traceback' not in stderr and str(tmp_path) in stderr
-    poll(lambda: not any(Path('/proc', str(number)).exists() for number in started))
+    poll(lambda: all_gone(started))
+
+
+def test_no_process_outlives_it_when_it_is_killed(tmp_path: Path) -> None:
+    """SIGKILL leaves it no time to end anything."""
+    process = start('--seconds', 1000, '--output', tmp_path)
+    started = until_results(process)
+    process.kill()
+    process.communicate(timeout=TIMEOUT)
+    poll(lambda: all_gone(started))
+
+
+def test_its_nodes_have_room_for_large_images(tmp_path: Path) -> None:
+    """The packaged Fast DDS profile is in force for them, without a shell script's help."""
+    process = start('--seconds', 1000, '--output', tmp_path)
+    for number in until_results(process):
+        environment = Path('/proc', str(number), 'environ').read_bytes().split(b'\0')
+        file, = (text.partition(b'=')[2] for text in environment
+                 if text.startswith(b'FASTRTPS_DEFAULT_PROFILES_FILE='))
+        assert Path(os.fsdecode(file)).read_text() == (ROOT / 'config/fastdds.xml').read_text()
+    process.terminate()
+    process.communicate(timeout=TIMEOUT)
+
+
+def test_files_of_the_current_folder_are_no_modules(tmp_path: Path) -> None:
+    """Python would take them for such, when started with -m or -c."""
+    for name in ('numba', 'numpy', 'rclpy', 'yaml', 'threading'):
+        (tmp_path / f'{name}.py').write_text('open("run", "w"); raise SystemExit(7)')
+    process = start('--seconds', 1, '--output', tmp_path / 'pictures', folder=tmp_path)
+    stdout, stderr = process.communicate(timeout=TIMEOUT)
+    assert process.returncode == 0, stdout + stderr
+    assert not (tmp_path / 'run').exists()
+
+
+def test_a_node_on_a_leash_ends_with_its_input() -> None:
+    """Whichever thread has started it, and however early the end comes."""
+    with Processes({'camera': [sys.executable, '-c', START, 'camera']}):
+        pass
+    process = subprocess.Popen([sys.executable, '-c', START, 'camera'], stdin=subprocess.DEVNULL)
+    assert process.wait(TIMEOUT) == 0
 
 
 def test_a_video_of_another_kind_is_refused(tmp_path: Path) -> None:

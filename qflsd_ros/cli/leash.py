@@ -1,0 +1,30 @@
+"""A node that ends with whoever started it: it runs as long as its standard input stays open."""
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from threading import Thread
+import time
+
+from qflsd_ros.ros.__main__ import main as run
+
+GRACE = 5.0  # s for the node to end by itself
+# As ``python -c START camera ...``. An empty entry is the current folder, whose files are not to
+# be taken for modules; Python 3.10 has no option for that.
+START = ('import sys; sys.path = [entry for entry in sys.path if entry]; '
+         'from qflsd_ros.cli.leash import main; sys.exit(main())')
+
+
+def main() -> int:
+    """Run the node that the command line names; return the exit code."""
+    Thread(target=_end_with_input, name='leash', daemon=True).start()
+    return run()
+
+
+def _end_with_input() -> None:
+    while os.read(sys.stdin.fileno(), 1):
+        pass
+    os.kill(os.getpid(), signal.SIGTERM)
+    time.sleep(GRACE)
+    os._exit(1)

@@ -1,0 +1,157 @@
+"""
+Compiled kernels on disk: a file for each kernel and signature, for numba to load.
+
+numba's own cache has an index for each function, which processes that start together overwrite
+with each other's, and it ends the program where a file of it is damaged or cannot be written.
+Here a file is written whole or not at all, and holds a digest of what it holds: a damaged one is
+removed, and its kernel compiled anew.
+
+The files are pickles, since numba knows no other form: whoever writes one can run code here. So
+they are kept in a private folder alone.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+import hashlib
+import logging
+import os
+from pathlib import Path
+import pickle
+import shutil
+import tempfile
+from typing import Any
+
+from numba.core.caching import _Cache
+from numba.core.compiler import CompileResult
+from numba.core.serialize import dumps
+from qflsd_ros.core import private_folder
+
+DIGEST = hashlib.sha256
+DIGEST_SIZE = DIGEST().digest_size
+SUFFIX = '.kernel'
+
+
+class DamagedError(Exception):
+    """A file holds something else than what was written."""
+
+
+class Store:
+    """Files in a private folder. Whatever goes wrong with them is logged once, and no error."""
+
+    def __init__(self, locate: Callable[[], Path]) -> None:
+        """Take what returns the folder; it is made when the first file is asked for."""
+        self._locate = locate
+        self._folder: Path | None = None
+        self._is_open = False
+        self._warned: set[str] = set()
+
+    @property
+    def folder(self) -> Path | None:
+        """The folder, or None where there is no private one."""
+        if not self._is_open:
+            self._is_open = True
+            try:
+                folder = self._locate()
+                private_folder.make(folder)
+                self._folder = folder
+            except OSError as error:
+                self._warn_unkept(error.filename, error)
+        return self._folder
+
+    def read(self, name: str) -> bytes | None:
+        """Return the content of a file, or None where there is no sound one."""
+        if self.folder is None:
+            return None
+        path = self.folder / name
+        try:
+            return self._content(path)
+        except FileNotFoundError:
+            return None
+        except (OSError, DamagedError) as error:
+            self._warn('damaged', 'compiled code is damaged, it is compiled anew: %s', error)
+            self._discard(path)
+            return None
+
+    def write(self, name: str, content: bytes) -> None:
+        """Write a file, whole or not at all."""
+        if self.folder is None:
+            return
+        try:
+            handle, part = tempfile.mkstemp(dir=self.folder)  # mode 0600 whatever the umask
+            try:
+                with open(handle, 'wb') as file:
+                    file.write(content + DIGEST(content).digest())
+                os.replace(part, self.folder / name)
+            except BaseException:
+                os.unlink(part)
+                raise
+        except OSError as error:
+            self._warn_unkept(self.folder, error)
+
+    @staticmethod
+    def _content(path: Path) -> bytes:
+        private_folder.check(path)
+        data = path.read_bytes()
+        content, digest = data[:-DIGEST_SIZE], data[-DIGEST_SIZE:]
+        if DIGEST(content).digest() != digest:
+            raise DamagedError(f'{path} has not the content that was written')
+        return content
+
+    @staticmethod
+    def _discard(path: Path) -> None:
+        if path.is_dir() and not path.is_symlink():
+            shutil.rmtree(path, ignore_errors=True)
+        else:
+            with suppress(OSError):
+                path.unlink()
+
+    def _warn_unkept(self, place: object, error: OSError) -> None:
+        self._warn('unkept', 'compiled code cannot be kept in %s (%s): every start compiles anew, '
+                   'for about half a minute. Set NUMBA_CACHE_DIR to a folder that you, and only '
+                   'you, can write to.', place, error.strerror)
+
+    def _warn(self, kind: str, text: str, *values: object) -> None:
+        if kind not in self._warned:
+            self._warned.add(kind)
+            logging.getLogger(__name__).warning(text, *values)
+
+
+class KernelCache(_Cache):
+    """What numba asks for the compiled code of one kernel."""
+
+    def __init__(self, function: Callable[..., Any], store: Store) -> None:
+        """Take the kernel in Python, and where compiled ones are."""
+        self._function, self._store = function, store
+        self.module = function.__module__
+        self.is_compiled = False  # by this process, since the store did not have it
+
+    @property
+    def cache_path(self) -> str:
+        """The folder, for numba's statistics."""
+        return str(self._store.folder)
+
+    def load_overload(self, sig: Any, target_context: Any) -> CompileResult | None:
+        """Return what was kept for a signature and this processor, or None."""
+        target_context.refresh()
+        content = self._store.read(self._name(sig, target_context.codegen()))
+        if content is None:
+            return None
+        return CompileResult._rebuild(target_context, *pickle.loads(content))
+
+    def save_overload(self, sig: Any, data: CompileResult) -> None:
+        """Keep what was compiled for a signature."""
+        self.is_compiled = True
+        if not data.library.has_dynamic_globals:  # pointers, which the next process has elsewhere
+            self._store.write(self._name(sig, data.codegen), dumps(data._reduce()))
+
+    def enable(self) -> None:
+        """Do nothing: numba asks for it and never for the opposite."""
+
+    disable = flush = enable
+
+    def _name(self, sig: Any, codegen: Any) -> str:
+        code = self._function.__code__
+        key = repr((self.module, code.co_firstlineno, code.co_code.hex(),
+                    sig, codegen.magic_tuple()))
+        return f'{self._function.__name__}-{DIGEST(key.encode()).hexdigest()[:32]}{SUFFIX}'
