@@ -28,8 +28,8 @@ def _steepest(lines: np.ndarray, seen: np.ndarray, masked: bool, top: int, botto
     """
     Append the largest difference of pixels two apart in each piece of lines all over a region.
 
-    ``lines`` and ``seen`` are (H, W) uint8 and bool, ``slopes`` (2 LINES PIECES,) float64, of which
-    ``count`` are filled; returns the new count.  Pieces that are masked everywhere have none.
+    ``lines`` and ``seen`` are (H, W) uint8 and bool, ``slopes`` (2 LINES PIECES,) float64, of
+    which ``count`` are filled; returns the new count.  Pieces masked everywhere have none.
     """
     width = right - left - 2
     for i in range(LINES):
@@ -58,8 +58,8 @@ def estimate(gray: np.ndarray, where: Region | None = None) -> float:
     """
     Return the strength of the edges of an image, as a share of the usual: WEAKEST to 1.
 
-    ``gray`` is a (H, W) uint8 array, looked at in a region of it (None: all over); one too small to
-    tell is taken for usual.
+    ``gray`` is a (H, W) uint8 array, looked at in a region of it (None: all over); one too small
+    to tell is taken for usual.
     """
     where = region(gray.shape, None) if where is None else where
     if min(where.bottom - where.top, where.right - where.left) < SMALLEST:

@@ -101,7 +101,8 @@ class Detector:
         memory = self._memory
         edges.gradients(gray, blur_sigma, memory.blurred, memory.dx, memory.dy)
         # Only now: what is read line by line has the image in the cache by then.
-        scale = contrast.scale(contrast.estimate(gray, where), grain, self.parameters.contrast_high)
+        strength = contrast.estimate(gray, where)
+        scale = contrast.scale(strength, grain, self.parameters.contrast_high)
         low, high = scale * self.parameters.contrast_low, scale * self.parameters.contrast_high
         dx, dy = memory.dx.reshape(-1), memory.dy.reshape(-1)
         memory.reserve(edges.find(memory.dx, memory.dy, low, high, memory.magnitudes,
@@ -157,8 +158,8 @@ def _check(gray: np.ndarray, mask: np.ndarray | None, lens: DivisionModel | None
     if gray.size >= MOST_PIXELS:
         raise ValueError(f'image has {gray.size} pixels: must be below {MOST_PIXELS}')
     if not (mask is None or isinstance(mask, np.ndarray)):
-        raise TypeError(f'mask is a {type(mask).__name__}: must be an array of shape {gray.shape}, '
-                        'or None')
+        raise TypeError(f'mask is a {type(mask).__name__}: must be an array of shape '
+                        f'{gray.shape}, or None')
     if mask is not None and mask.shape != gray.shape:
         raise ValueError(f'mask has shape {mask.shape}: must be {gray.shape}, as the image')
     if lens is not None and tuple(lens.shape) != gray.shape:

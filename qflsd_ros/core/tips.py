@@ -35,8 +35,8 @@ def extended(fits: np.ndarray, arc: int, x: float, y: float, from_x: float, from
     Return where the end (x, y) of an arc that comes from another point goes on to.
 
     Edge pixels end where the gradient begins to turn towards another edge, and before the border
-    of the image.  The edge itself goes on as long as the gradient is at right angles to it, but not
-    to where a mask leaves none.
+    of the image.  The edge itself goes on as long as the gradient is at right angles to it, but
+    not to where a mask leaves none.
     """
     _, _, tx, ty = circle.foot(fits, arc, x, y)
     if tx * (x - from_x) + ty * (y - from_y) < 0:
