@@ -11,10 +11,13 @@ from qflsd_ros.core.arcs import (
     RMS, SCORE, START, SUPPORT, TABLE)
 from qflsd_ros.core.compilation import compiled, inlined
 from qflsd_ros.core.joining import Joined, MOST_TURN, Pieces
+from qflsd_ros.core.region import Region
 from qflsd_ros.core.separation import separate
 from qflsd_ros.core.tips import extended, FARTHEST
 from qflsd_ros.core.validation import (
     ALIGNED, closeness, Evidence, LOOKS, score, SIGNS, STEPS, STRONG, WEIGHT, witness, WITNESSES)
+
+SAMPLED = 0.5           # px at most between the points of an arc that are compared with a mask
 
 
 @inlined
@@ -40,13 +43,43 @@ def _geometry(fits: np.ndarray, arc: int, x0: float, y0: float, x1: float, y1: f
 
 
 @inlined
-def _inside(rows: np.ndarray, arc: int, height: int, width: int) -> bool:
-    """Return whether an arc lies in the image, within half a pixel."""
+def _is_open(allowed: np.ndarray, x: float, y: float) -> bool:
+    """Return whether no masked pixel is within half a sampling step of a point, along x and y."""
+    for side_x in (-SAMPLED / 2, SAMPLED / 2):
+        column = min(max(int(math.floor(x + side_x + 0.5)), 0), allowed.shape[1] - 1)
+        for side_y in (-SAMPLED / 2, SAMPLED / 2):
+            row = min(max(int(math.floor(y + side_y + 0.5)), 0), allowed.shape[0] - 1)
+            if not allowed[row, column]:
+                return False
+    return True
+
+
+@compiled
+def _avoids(rows: np.ndarray, arc: int, allowed: np.ndarray) -> bool:
+    """Return whether no point of an arc is on a masked pixel: each is close to one looked at."""
+    x0, y0 = rows[arc, START], rows[arc, START + 1]
+    cx, cy = rows[arc, END] - x0, rows[arc, END + 1] - y0
+    half = rows[arc, CURVATURE] * rows[arc, LENGTH] / 2
+    steps = int(math.ceil(rows[arc, LENGTH] / SAMPLED))
+    for i in range(steps + 1):
+        # Up to there it turns by twice this part of its half turn: a chord, and half as much on.
+        part = half * i / steps
+        along = math.sin(part) / math.sin(half) if abs(half) > 1e-9 else i / steps
+        c, s = along * math.cos(part - half), along * math.sin(part - half)
+        if not _is_open(allowed, x0 + c * cx - s * cy, y0 + c * cy + s * cx):
+            return False
+    return True
+
+
+@inlined
+def _inside(rows: np.ndarray, arc: int, where: Region) -> bool:
+    """Return whether an arc lies in the image, within half a pixel, and on no masked pixel."""
+    height, width = where.allowed.shape
     for place in (START, MIDDLE, END):
         x, y = rows[arc, place], rows[arc, place + 1]
         if not (-0.5 <= x <= width - 0.5 and -0.5 <= y <= height - 0.5):
             return False
-    return True
+    return not where.masked or _avoids(rows, arc, where.allowed)
 
 
 @inlined
@@ -59,7 +92,7 @@ def _extend(fits: np.ndarray, arc: int, evidence: Evidence, rows: np.ndarray) ->
     u0, v0 = extended(fits, arc, x0, y0, x1, y1, evidence)
     u1, v1 = extended(fits, arc, x1, y1, x0, y0, evidence)
     _geometry(fits, arc, u0, v0, u1, v1, rows)
-    if not _inside(rows, arc, *evidence.dx.shape):
+    if not _inside(rows, arc, evidence.region):
         _geometry(fits, arc, x0, y0, x1, y1, rows)
 
 
@@ -88,7 +121,7 @@ def _evidence(piece_fits: np.ndarray, found: np.ndarray, members: np.ndarray, be
         signs += found[piece, SIGNS] if agree else -found[piece, SIGNS]
     rows[arc, CONTRAST] = steps / rows[arc, SUPPORT]
     rows[arc, POLARITY] = signs / rows[arc, SUPPORT]
-    rows[arc, SCORE] = (score(weight, aligned, strong / looks, len(rows))
+    rows[arc, SCORE] = (score(weight, aligned, strong / max(looks, 1.0), len(rows))
                         + closeness(rows[arc, SUPPORT], rows[arc, RMS],
                                     noise / rows[arc, CONTRAST], tolerance))
 
@@ -117,11 +150,12 @@ def _orient(fits: np.ndarray, arc: int, members: np.ndarray, begin: int, end: in
 @compiled
 def _describe(ends: np.ndarray, evidence: Evidence, members: np.ndarray, begins: np.ndarray,
               fits: np.ndarray, min_length: float, rows: np.ndarray, keep: np.ndarray,
-              wanted: np.ndarray) -> None:
+              extended: np.ndarray, wanted: np.ndarray) -> None:
     """
     Fill in what follows from the fits, and mark the arcs that are long enough, and their pieces.
 
-    What is wide of its points, as a large tolerance allows, may lie outside the image: it is none.
+    What is wide of its points, as a large tolerance allows, may lie outside the image, or on what
+    is masked: it is none.
     """
     for arc in range(len(keep)):
         begin, end = begins[arc], begins[arc + 1]
@@ -135,7 +169,12 @@ def _describe(ends: np.ndarray, evidence: Evidence, members: np.ndarray, begins:
         rows[arc, SUPPORT] = np.rint(fits[arc, 7])
         rows[arc, CURVATURE_STD] = 2 * math.sqrt(fits[arc, 8])
         rows[arc, OFFSET_STD] = math.sqrt(fits[arc, 9])
-        keep[arc] = rows[arc, LENGTH] >= min_length and _inside(rows, arc, *evidence.dx.shape)
+        keep[arc] = _inside(rows, arc, evidence.region)
+        # What is long enough before it is extended may wait until it is known to be no accident.
+        extended[arc] = keep[arc] and rows[arc, LENGTH] < min_length
+        if extended[arc]:
+            _extend(fits, arc, evidence, rows)
+            keep[arc] = rows[arc, LENGTH] >= min_length
         for k in range(begin, end):
             wanted[members[k, 0]] = keep[arc]
 
@@ -143,7 +182,7 @@ def _describe(ends: np.ndarray, evidence: Evidence, members: np.ndarray, begins:
 @compiled
 def _judge(piece_fits: np.ndarray, evidence: Evidence, found: np.ndarray, members: np.ndarray,
            begins: np.ndarray, fits: np.ndarray, tolerance: float, min_score: float,
-           rows: np.ndarray, keep: np.ndarray) -> None:
+           extended: np.ndarray, rows: np.ndarray, keep: np.ndarray) -> None:
     """Fill in what speaks for the arcs to keep, and keep those that are no accident."""
     for arc in range(len(keep)):
         begin, end = begins[arc], begins[arc + 1]
@@ -152,7 +191,8 @@ def _judge(piece_fits: np.ndarray, evidence: Evidence, found: np.ndarray, member
                       tolerance, rows)
             keep[arc] = rows[arc, SCORE] >= min_score
         if keep[arc]:
-            _extend(fits, arc, evidence, rows)
+            if not extended[arc]:
+                _extend(fits, arc, evidence, rows)
             _orient(fits, arc, members, begin, end, rows)
 
 
@@ -183,11 +223,12 @@ def assemble(pieces: Pieces, joined: Joined, evidence: Evidence, pixels: np.ndar
              min_distance: float) -> Arcs:
     """Return the arcs that are long enough, no accident, and not beside a longer one."""
     most = len(joined.fits)
-    rows, keep = np.zeros((most, COLUMNS)), np.empty(most, np.bool_)
+    rows, (keep, extended) = np.zeros((most, COLUMNS)), np.empty((2, most), np.bool_)
     wanted, found = np.zeros(len(pieces.runs), np.bool_), np.empty((len(pieces.runs), WITNESSES))
-    _describe(pieces.ends, evidence, *joined, min_length, rows, keep, wanted)
+    _describe(pieces.ends, evidence, *joined, min_length, rows, keep, extended,
+              wanted)
     witness(evidence, pieces.runs, pieces.fits, wanted, found)
-    _judge(pieces.fits, evidence, found, *joined, tolerance, min_score, rows, keep)
+    _judge(pieces.fits, evidence, found, *joined, tolerance, min_score, extended, rows, keep)
     shape = evidence.dx.shape
     if min_distance > 0:
         separate(rows, joined.fits, *shape, min_distance, keep)

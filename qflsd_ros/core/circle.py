@@ -182,7 +182,8 @@ def fit(points: np.ndarray, first: int, last: int, residual: float, significance
     all along the arc, so that minimising sum w (A (x^2 + y^2) + B x + D + y)^2 minimises the
     distances, without the bias of equation (8).  The picture of a straight edge (A = 0 without a
     lens) is fitted instead where A does not differ from that by more than ``significance``
-    standard deviations, or the curvature is above ``sharpest``, 1/px.
+    standard deviations, or the curvature is above ``sharpest``, 1/px; a curve that would still be
+    bent more than that is none.
 
     Parameters
     ----------
@@ -200,7 +201,7 @@ def fit(points: np.ndarray, first: int, last: int, residual: float, significance
 
     Returns
     -------
-    False where the points do not determine a curve.
+    False, and writes nothing, where the points do not determine a curve, or none that may be.
 
     """
     middle = (first + last) // 2
@@ -214,12 +215,13 @@ def fit(points: np.ndarray, first: int, last: int, residual: float, significance
     a, b, d, rss, var_a, var_d = _circle(moments, residual)
     cx, cy = lens[1] - ox, lens[2] - oy
     usual = lens[0] * at_centre(lens[0], cx * ux + cy * uy, cy * ux - cx * uy, b, 1.0, d)
-    if not ((a - usual) ** 2 > significance ** 2 * var_a and 2 * abs(a) <= sharpest):
+    norm = math.sqrt(max(b * b + 1.0 - 4.0 * a * d, 1e-12))
+    if not ((a - usual) ** 2 > significance ** 2 * var_a and 2 * abs(a) <= sharpest * norm):
         var_a = var_a if var_a >= 0 else 0.0
         a, b, d, rss, var_a, var_d = _bent(moments, residual, usual, var_a)
-        if not var_d >= 0:
+        norm = math.sqrt(max(b * b + 1.0 - 4.0 * a * d, 1e-12))
+        if not (var_d >= 0 and 2 * abs(a) <= sharpest * norm):
             return False
-    norm = math.sqrt(max(b * b + 1.0 - 4.0 * a * d, 1e-12))
     fits[row, 0], fits[row, 1], fits[row, 2] = ox, oy, a / norm
     fits[row, 3], fits[row, 4] = (b * ux - uy) / norm, (b * uy + ux) / norm
     fits[row, 5], fits[row, 6], fits[row, 7] = d / norm, rss, moments[5]

@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from qflsd_ros.core.compilation import compiled, inlined
+from qflsd_ros.core.region import Region, region
 
 LINES = 12              # looked at in each direction
 PIECES = 16             # of a line
@@ -22,42 +23,53 @@ ABOVE_NOISE = 3.5       # standard deviations of noise that an edge stands out
 
 
 @inlined
-def _steepest(lines: np.ndarray, slopes: np.ndarray) -> None:
+def _steepest(lines: np.ndarray, seen: np.ndarray, masked: bool, top: int, bottom: int, left: int,
+              right: int, slopes: np.ndarray, count: int) -> int:
     """
-    Write the largest difference of pixels two apart in each piece of lines all over an image.
+    Append the largest difference of pixels two apart in each piece of lines all over a region.
 
-    ``lines`` is (H, W) uint8 with sides of at least SMALLEST, ``slopes`` (LINES PIECES,).
+    ``lines`` and ``seen`` are (H, W) uint8 and bool, ``slopes`` (2 LINES PIECES,) float64, of
+    which ``count`` are filled; returns the new count.  Pieces masked everywhere have none.
     """
-    height, width = lines.shape
+    width = right - left - 2
     for i in range(LINES):
-        y = (2 * i + 1) * height // (2 * LINES)
+        y = top + (2 * i + 1) * (bottom - top) // (2 * LINES)
         for j in range(PIECES):
-            steepest = 0
-            for x in range(1 + j * (width - 2) // PIECES, 1 + (j + 1) * (width - 2) // PIECES):
+            steepest = -1
+            for x in range(left + 1 + j * width // PIECES, left + 1 + (j + 1) * width // PIECES):
+                if masked and not seen[y, x]:
+                    continue
                 slope = abs(np.int32(lines[y, x + 1]) - np.int32(lines[y, x - 1]))
                 steepest = max(steepest, slope)
-            slopes[i * PIECES + j] = steepest
+            slopes[count] = steepest
+            count += steepest >= 0
+    return count
 
 
 @compiled
-def _slopes(gray: np.ndarray, slopes: np.ndarray) -> None:
-    """Write the steepest slopes along rows, and along columns: (2 LINES PIECES,)."""
-    _steepest(gray, slopes[:LINES * PIECES])
-    _steepest(gray.T, slopes[LINES * PIECES:])
+def _slopes(gray: np.ndarray, where: Region, slopes: np.ndarray) -> int:
+    """Write the steepest slopes along rows, and along columns; return how many there are."""
+    top, bottom, left, right = where.top, where.bottom, where.left, where.right
+    count = _steepest(gray, where.seen, where.masked, top, bottom, left, right, slopes, 0)
+    return _steepest(gray.T, where.seen.T, where.masked, left, right, top, bottom, slopes, count)
 
 
-def estimate(gray: np.ndarray) -> float:
+def estimate(gray: np.ndarray, where: Region | None = None) -> float:
     """
     Return the strength of the edges of an image, as a share of the usual: WEAKEST to 1.
 
-    ``gray`` is a (H, W) uint8 array; one too small to tell is taken for usual.
+    ``gray`` is a (H, W) uint8 array, looked at in a region of it (None: all over); one too small
+    to tell is taken for usual.
     """
-    if min(gray.shape) < SMALLEST:
+    where = region(gray.shape, None) if where is None else where
+    if min(where.bottom - where.top, where.right - where.left) < SMALLEST:
         return 1.0
     slopes = np.empty(2 * LINES * PIECES)
-    _slopes(gray, slopes)
-    place = int((1 - STRONGEST) * len(slopes))
-    slopes.partition(place)
+    count = _slopes(gray, where, slopes)
+    if count == 0:
+        return 1.0
+    place = int((1 - STRONGEST) * count)
+    slopes[:count].partition(place)
     return min(max(float(slopes[place]) / USUAL, WEAKEST), 1.0)
 
 

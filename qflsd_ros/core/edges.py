@@ -17,8 +17,6 @@ from qflsd_ros.core.compilation import compiled, inlined
 SOBEL_GAIN = 4.0                # Sobel's response to a step of one grey level
 WEAK, STRONG = 1, 2             # what an edge pixel is in the edge map
 MORE = STRONG - WEAK
-MASKED = -32768                 # what dx becomes where no arc may pass; Sobel never gives it
-MASK_MARGIN = 2                 # px around what is masked in which there are no edges either
 
 
 def gradients(gray: np.ndarray, blur_sigma: float, blurred: np.ndarray,
@@ -110,18 +108,6 @@ def find(dx: np.ndarray, dy: np.ndarray, low: float, high: float, magnitudes: np
         count += _thin(dx[row], dy[row], magnitudes[(row - 1) % 3], magnitudes[row % 3],
                        magnitudes[(row + 1) % 3], low, high, edges[row])
     return count
-
-
-def blocked(mask: np.ndarray) -> np.ndarray:
-    """Return where edges may not be, (H, W) bool: where a mask is zero, and close to it."""
-    side = 2 * MASK_MARGIN + 1
-    return cv2.erode((mask != 0).astype(np.uint8), np.ones((side, side), np.uint8)) == 0
-
-
-def remove(dx: np.ndarray, edges: np.ndarray, where: np.ndarray) -> None:
-    """Take out the edges in a region, (H, W) bool, and mark it in dx for what comes after."""
-    np.copyto(edges, 0, where=where)
-    np.copyto(dx, MASKED, where=where)
 
 
 @compiled

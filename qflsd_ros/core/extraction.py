@@ -112,7 +112,8 @@ def _refit(points: np.ndarray, first: int, last: int, lo: int, hi: int,
     bend = 2 * abs(fits[row, 2])
     if bend * (hi - lo) > MOST_TURN:
         hi = lo + int(MOST_TURN / bend)
-        circle.fit(points, lo, hi, 0.0, significance, sharpest, NO_LENS, fits, row)
+        if not circle.fit(points, lo, hi, 0.0, significance, sharpest, NO_LENS, fits, row):
+            return 0, -1
     advance = math.hypot(points[0, hi] - points[0, lo], points[1, hi] - points[1, lo])
     # What is bent more than it may be has been fitted by a line, and lies off it.
     off = fits[row, 6] > tolerance * tolerance * fits[row, 7]

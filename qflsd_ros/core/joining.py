@@ -20,9 +20,10 @@ from qflsd_ros.core import circle, neighbours
 from qflsd_ros.core.circle import FIT_SIZE, Lens
 from qflsd_ros.core.compilation import compiled, inlined
 from qflsd_ros.core.distortion import DivisionModel
-from qflsd_ros.core.edges import MASKED, SOBEL_GAIN
+from qflsd_ros.core.edges import SOBEL_GAIN
 from qflsd_ros.core.neighbours import cell, Grid, OVERLAP
 from qflsd_ros.core.order import longest_first
+from qflsd_ros.core.region import Region
 
 NODES = 3
 COUNT, RSS, SIZE = 0, 1, 2      # columns of Pieces.sums, and of the same of an arc
@@ -165,12 +166,12 @@ def _farthest(arc: Making, which: int, first: int, last: int) -> float:
 
 @compiled
 def _evidence(fits: np.ndarray, which: int, x0: float, y0: float, x1: float, y1: float,
-              dx: np.ndarray, dy: np.ndarray) -> float:
+              dx: np.ndarray, dy: np.ndarray, where: Region) -> float:
     """
     Return how far the gradients in the gap between two ends speak for an edge there, 0 to 1.
 
     It is the share of the pixels whose gradient is at right angles to the arc and points to one
-    side of it, less the share of those that point to the other; -1 where a pixel is masked.
+    side of it, less the share of those that point to the other; -1 where a pixel is not seen.
     """
     steps = max(2, int(math.sqrt((x1 - x0) ** 2 + (y1 - y0) ** 2)))
     ox, oy, a, b, c, d = (fits[which, 0], fits[which, 1], fits[which, 2], fits[which, 3],
@@ -182,7 +183,7 @@ def _evidence(fits: np.ndarray, which: int, x0: float, y0: float, x1: float, y1:
         nx, ny, off = 2 * a * x + b, 2 * a * y + c, circle.value((a, b, c, d), x, y)
         row = min(max(int(oy + y - off * ny + 0.5), 0), dx.shape[0] - 1)
         column = min(max(int(ox + x - off * nx + 0.5), 0), dx.shape[1] - 1)
-        if dx[row, column] == MASKED:
+        if where.masked and not where.seen[row, column]:
             return -1.0
         gx, gy = float(dx[row, column]), float(dy[row, column])
         across, square = gx * nx + gy * ny, gx * gx + gy * gy
@@ -272,7 +273,7 @@ def _needed(pieces: Pieces, other: int, gap: float, arc: Making, now: int,
 @inlined
 def _partner(pieces: Pieces, grid: Grid, taken: np.ndarray, arc: Making, n: int, now: int,
              tip: tuple[float, float, float, float], limits: Limits, dx: np.ndarray,
-             dy: np.ndarray) -> tuple[int, float]:
+             dy: np.ndarray, where: Region) -> tuple[int, float]:
     """Return the end (2 piece + side, or -1) that continues an arc best, and the gap to it."""
     size = arc.total[SIZE]
     reach = min(limits.max_gap, 2 * GAP_SHARE * size)
@@ -294,7 +295,7 @@ def _partner(pieces: Pieces, grid: Grid, taken: np.ndarray, arc: Making, n: int,
             if cost >= best_cost:
                 continue
             found = _evidence(arc.fits, now + 1, x, y, grid.places[k, 0], grid.places[k, 1],
-                              dx, dy)
+                              dx, dy, where)
             if found >= _needed(pieces, other, gap, arc, now, limits):
                 best, best_gap, best_cost = grid.order[k], gap, cost
     return best, best_gap
@@ -308,8 +309,11 @@ def _begin(pieces: Pieces, seed: int, arc: Making, now: int, limits: Limits) -> 
         arc.total[k] = pieces.sums[seed, k]
     for k in range(FIT_SIZE):
         arc.fits[now, k] = pieces.fits[seed, k]
-    if limits.lens_error < np.inf:
-        _fit(arc, n, arc.total[RSS], now, limits)
+    # As the lens bends it, unless its points lie too far off that.
+    if (limits.lens_error < np.inf and _fit(arc, n, arc.total[RSS], now + 1, limits)
+            and arc.fits[now + 1, 6] <= limits.tolerance ** 2 * arc.fits[now + 1, 7]):
+        for k in range(FIT_SIZE):
+            arc.fits[now, k] = arc.fits[now + 1, k]
     return n
 
 
@@ -354,7 +358,7 @@ def _turn_round(nodes: np.ndarray, n: int, members: np.ndarray, first: int, last
 
 @compiled
 def _join(pieces: Pieces, grid: Grid, seeds: np.ndarray, taken: np.ndarray, arc: Making,
-          limits: Limits, dx: np.ndarray, dy: np.ndarray, members: np.ndarray,
+          limits: Limits, dx: np.ndarray, dy: np.ndarray, where: Region, members: np.ndarray,
           offsets: np.ndarray) -> int:
     """Write the pieces of each arc, and where they begin; return the number of arcs."""
     arcs = 0
@@ -367,10 +371,11 @@ def _join(pieces: Pieces, grid: Grid, seeds: np.ndarray, taken: np.ndarray, arc:
         members[placed, 0], members[placed, 1] = seed, 0
         n = _begin(pieces, seed, arc, arcs, limits)
         for _ in range(2):
-            while True:
+            while limits.max_gap > 0:
                 outer = 2 * members[placed, 0] + 1 - members[placed, 1]
                 tip = _tip(pieces.ends, outer, arc.fits, arcs, placed == first)
-                best, gap = _partner(pieces, grid, taken, arc, n, arcs, tip, limits, dx, dy)
+                best, gap = _partner(pieces, grid, taken, arc, n, arcs, tip, limits, dx, dy,
+                                     where)
                 if best < 0:
                     break
                 placed += 1
@@ -391,8 +396,8 @@ def _known(lens: DivisionModel | None) -> tuple[Lens, float]:
     return lens.in_pixels, error / lens.half_diagonal ** 2
 
 
-def join(pieces: Pieces, memory: Memory, dx: np.ndarray, dy: np.ndarray, min_seed: float,
-         max_gap: float, tolerance: float, significance: float, sharpest: float,
+def join(pieces: Pieces, memory: Memory, dx: np.ndarray, dy: np.ndarray, where: Region,
+         min_seed: float, max_gap: float, tolerance: float, significance: float, sharpest: float,
          lens: DivisionModel | None) -> Joined:
     """
     Make arcs of pieces; those made of short pieces only are left out.
@@ -403,10 +408,12 @@ def join(pieces: Pieces, memory: Memory, dx: np.ndarray, dy: np.ndarray, min_see
         What :func:`describe` describes, and that in which it does.
     dx, dy
         (H, W) int16 gradients.
+    where
+        Where arcs may be: none is made across what is masked.
     min_seed
         Shortest piece from which an arc is made, px.
     max_gap, tolerance
-        As in :class:`Parameters`, px.
+        As in :class:`Parameters`, px; with a ``max_gap`` of 0 each arc is one piece.
     significance, sharpest
         As in :func:`extraction.extract`.
     lens
@@ -422,6 +429,6 @@ def join(pieces: Pieces, memory: Memory, dx: np.ndarray, dy: np.ndarray, min_see
     memory.taken[:m] = False
     arc = Making(memory.nodes_of_arc, memory.total, memory.fits)
     limits = Limits(max_gap, tolerance, significance, sharpest, *_known(lens))
-    arcs = _join(pieces, grid, seeds, memory.taken, arc, limits, dx, dy, memory.members,
-                 memory.offsets)
+    arcs = _join(pieces, grid, seeds, memory.taken, arc, limits, dx, dy, where,
+                 memory.members, memory.offsets)
     return Joined(memory.members, memory.offsets[:arcs + 1], memory.fits[:arcs])

@@ -1,4 +1,4 @@
-"""Pieces and arcs in order of their length."""
+"""Pieces in order of their length."""
 from __future__ import annotations
 
 import numpy as np

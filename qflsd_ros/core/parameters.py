@@ -102,10 +102,12 @@ class Parameters:
         3.5, 'Step across an edge down to which a contour that has started goes on; in proportion '
         'to contrast_high.', 'grey levels', 0.5, 255.0)
     tolerance: float = parameter(
-        0.7, 'Largest distance of an edge pixel from the arc that it belongs to.',
+        0.7, 'Largest rms distance of the edge pixels of an arc from it, and largest distance of '
+        'each from the arc with which they are sought; single ones lie farther off in the end.',
         'px', 0.1, 10.0)
     min_length: float = parameter(
-        15.0, 'Shortest arc reported.', 'px', 3.0, 10000.0)
+        15.0, 'Shortest arc reported; the others are the same whatever it is.',
+        'px', 3.0, 10000.0)
     min_radius: float = parameter(
         0.3, 'Smallest radius of an arc; a division model has none below 1 / sqrt(-lambda).',
         'of half the image diagonal', 0.01, 100.0)
@@ -116,7 +118,7 @@ class Parameters:
         2.4, 'Of parallel arcs closer than this the longest is reported, and no faint one a '
         'little farther beside it; 0 reports all.', 'px', 0.0, 100.0)
     max_gap: float = parameter(
-        60.0, 'Longest gap between two pieces of one arc; 0 leaves joining out.',
+        60.0, 'Longest gap between two pieces of one arc; with 0 nothing is joined.',
         'px', 0.0, 1000.0)
     paper_epsilon: float = parameter(
         500.0, 'Method paper only: bound epsilon on the algebraic error E of equation (10).',

@@ -14,7 +14,6 @@ import numpy as np
 
 from qflsd_ros.core.arcs import CONTRAST, END, LENGTH, MIDDLE, START
 from qflsd_ros.core.compilation import compiled, inlined
-from qflsd_ros.core.order import longest_first
 
 PARALLEL = math.sin(math.radians(10.0))
 HIDDEN = 0.6        # share of an arc beside others from which on it is left out
@@ -140,8 +139,9 @@ def separate(rows: np.ndarray, fits: np.ndarray, height: int, width: int, distan
         not looked at.
 
     """
-    lengths = rows[:, LENGTH]
-    order = longest_first(lengths, keep)
+    lengths, order = rows[:, LENGTH], np.flatnonzero(keep)
+    # Exactly the longest first: so leaving out the shortest beforehand changes nothing for others.
+    order = order[np.argsort(-lengths[order], kind='stable')]
     heads = np.full((int(height / CELL) + 1, int(width / CELL) + 1), -1, np.int64)
     most = (_sides(distance) + 1) * int(ENTRIES / CELL * lengths[order].sum() + 2 * len(order))
     _separate(rows, fits, order, distance, heads, np.empty((most, 2), np.int64), keep)

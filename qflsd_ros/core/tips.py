@@ -20,6 +20,8 @@ def _goes_on(x: float, y: float, tx: float, ty: float, evidence: Evidence) -> bo
     column, row = int(x + 0.5), int(y + 0.5)
     if not (0 <= x <= evidence.dx.shape[1] - 1 and 0 <= y <= evidence.dx.shape[0] - 1):
         return False
+    if evidence.region.masked and not evidence.region.seen[row, column]:
+        return False
     gx, gy = evidence.dx[row, column] / SOBEL_GAIN, evidence.dy[row, column] / SOBEL_GAIN
     size = math.sqrt(gx * gx + gy * gy)
     aligned = abs(gx * tx + gy * ty) <= TURNED * size + NOISE_ALIGNED * evidence.noise
@@ -33,7 +35,8 @@ def extended(fits: np.ndarray, arc: int, x: float, y: float, from_x: float, from
     Return where the end (x, y) of an arc that comes from another point goes on to.
 
     Edge pixels end where the gradient begins to turn towards another edge, and before the border
-    of the image.  The edge itself goes on as long as the gradient is at right angles to it.
+    of the image.  The edge itself goes on as long as the gradient is at right angles to it, but
+    not to where a mask leaves none.
     """
     _, _, tx, ty = circle.foot(fits, arc, x, y)
     if tx * (x - from_x) + ty * (y - from_y) < 0:

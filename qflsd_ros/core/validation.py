@@ -22,6 +22,7 @@ import numpy as np
 
 from qflsd_ros.core.compilation import compiled, inlined, summed
 from qflsd_ros.core.edges import SOBEL_GAIN
+from qflsd_ros.core.region import Region
 
 SINE = math.sin(math.radians(11.25))
 NOISE_ALIGNED = 1.5                     # standard deviations of noise more
@@ -51,6 +52,7 @@ class Evidence(NamedTuple):
     dy: np.ndarray
     clear: float            # how strong a gradient is that counts half, grey levels
     noise: float            # standard deviation of dx and dy, grey levels
+    region: Region          # where arcs may be
 
 
 @summed
@@ -78,8 +80,9 @@ def _support(fits: np.ndarray, i: int, points: np.ndarray, first: int, last: int
 
 @inlined
 def _surroundings(fits: np.ndarray, i: int, points: np.ndarray, first: int, last: int,
-                  dx: np.ndarray, dy: np.ndarray, strong: float, found: np.ndarray) -> None:
-    """Count the places beside edge points ``first`` to ``last``, and the strong ones of them."""
+                  dx: np.ndarray, dy: np.ndarray, where: Region, strong: float,
+                  found: np.ndarray) -> None:
+    """Count the places seen beside edge points ``first`` to ``last``, and the strong of them."""
     height, width = dx.shape
     least = int((SOBEL_GAIN * strong) ** 2)
     looks = hits = 0
@@ -90,6 +93,8 @@ def _surroundings(fits: np.ndarray, i: int, points: np.ndarray, first: int, last
         for offset in BESIDE:
             column = min(max(int(x + offset * nx + 0.5), 0), width - 1)
             row = min(max(int(y + offset * ny + 0.5), 0), height - 1)
+            if where.masked and not where.seen[row, column]:
+                continue
             gx, gy = int(dx[row, column]), int(dy[row, column])
             looks += 1
             hits += gx * gx + gy * gy > least
@@ -114,13 +119,13 @@ def witness(evidence: Evidence, runs: np.ndarray, fits: np.ndarray, wanted: np.n
         (M, WITNESSES) float64, takes what is found.
 
     """
-    points, dx, dy, clear, noise = evidence
+    points, dx, dy, clear, noise, where = evidence
     for i in range(len(runs)):
         if wanted[i]:
             first, last = runs[i, 0], runs[i, 1]
             _support(fits, i, points, first, last, clear, noise, found)
             strong = BUSY * found[i, STEPS] / (last + 1 - first)
-            _surroundings(fits, i, points, first, last, dx, dy, strong, found)
+            _surroundings(fits, i, points, first, last, dx, dy, where, strong, found)
 
 
 @compiled

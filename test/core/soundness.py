@@ -20,6 +20,8 @@ def assert_sound(arcs: Arcs, gray: np.ndarray, parameters: Parameters = Paramete
         assert (table[name] >= -0.5).all(), name
         assert (table[name] <= (width - 0.5, height - 0.5)).all(), name
     assert (table['length'] >= parameters.min_length).all()
+    sharpest = 2 / (parameters.min_radius * np.hypot(height, width))
+    assert (np.abs(table['curvature']) <= sharpest * (1 + 1e-12)).all()
     assert (table['rms'] <= parameters.tolerance).all()
     assert (table['score'] >= parameters.min_score).all()
     assert (table['contrast'] > 0).all()

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from qflsd_ros.core import Arcs, Detector, DivisionModel, Parameters
 from qflsd_ros.sources import Scene
+from rendering import polygon, render
 from scenery import noise, scene
 from soundness import assert_sound
 
@@ -144,6 +145,75 @@ def test_any_image_is_sound(gray):
                             contrast_high=1.0)
     for image in (gray, np.kron(gray[:12, :12], np.ones((7, 7), np.uint8))):
         assert_sound(Detector(parameters).detect(image), image, parameters)
+
+
+def longer(arcs: Arcs, least: float) -> Arcs:
+    """Return the arcs of at least a length, px."""
+    rows = np.flatnonzero(arcs.table['length'] >= least)
+    parts = [slice(arcs.offsets[i], arcs.offsets[i + 1]) for i in rows]
+    points, pixels = (np.concatenate([all_of[:0], *(all_of[part] for part in parts)])
+                      for all_of in (arcs.edge_points, arcs.edge_pixels))
+    return Arcs(arcs.table[rows], points, pixels,
+                np.cumsum([0, *(part.stop - part.start for part in parts)]))
+
+
+@given(st.integers(0, 10**6), st.lists(st.floats(3, 120), min_size=2, max_size=4),
+       st.sampled_from([None, -0.4]), st.sampled_from([0.0, 2.4, 10.0]))
+def test_min_length_leaves_out_what_is_shorter_and_changes_nothing_else(seed, lengths, lam,
+                                                                       min_distance):
+    for gray in (scene(seed % 50), noise(seed, (150, 200))):
+        lens = None if lam is None else DivisionModel(lam, gray.shape)
+        least, *others = sorted(lengths)
+        arcs = find(gray, lens, min_length=least, min_distance=min_distance)
+        exact = np.append(others, arcs.table['length'][:3])
+        for other in exact[exact >= least]:
+            assert_same(find(gray, lens, min_length=other, min_distance=min_distance),
+                        longer(arcs, other))
+
+
+@pytest.mark.parametrize(('side', 'min_length'), [(18, 15), (20, 15), (17, 13)])
+def test_sides_a_little_longer_than_min_length_are_found(side, min_length):
+    found = []
+    for seed in range(40):
+        angle = np.random.default_rng(seed).uniform(0, np.pi / 2)
+        corners = square(59.7, 49.6, side, angle)
+        table = find(render((100, 120), polygon(corners), blur=0.6, noise=2, seed=seed),
+                     min_length=min_length).table
+        middles = np.array([np.add(a, b) / 2 for a, b in zip(corners, corners[1:] + corners[:1])])
+        found += [np.hypot(*(table['middle'] - middle).T).min(initial=99) < 2
+                  for middle in middles]
+    assert np.mean(found) > 0.9
+
+
+def square(x: float, y: float, side: float, angle: float) -> list[tuple[float, float]]:
+    turns = np.radians([0, 90, 180, 270]) + angle
+    return [(x + side / np.sqrt(2) * np.cos(t), y + side / np.sqrt(2) * np.sin(t)) for t in turns]
+
+
+@given(st.integers(0, 10**6), st.sampled_from([None, -30.0, -6.0, -1.5, -0.4, 0.8, 5.0]),
+       st.floats(0.1, 1.5), st.floats(0.3, 3), st.floats(-1, 2))
+def test_no_arc_is_bent_more_or_wider_of_its_points_than_it_may_be(seed, lam, min_radius,
+                                                                  tolerance, place):
+    for gray in (scene(seed % 50), noise(seed, (150, 200))):
+        height, width = gray.shape
+        lens = None if lam is None else DivisionModel(
+            lam, gray.shape, (place * width, place * height))
+        arcs = find(gray, lens, min_radius=min_radius, tolerance=tolerance, min_score=-1000.0)
+        most = 2 / (min_radius * np.hypot(height, width))
+        assert np.abs(arcs.table['curvature']).max(initial=0) <= most * (1 + 1e-12)
+        assert (arcs.table['rms'] <= tolerance).all()
+        for i, row in enumerate(arcs.table):
+            assert rms(arcs.points(i), row) < 1.05 * tolerance + 0.01
+
+
+def rms(points: np.ndarray, row: np.void) -> float:
+    """Return the rms distance of points from the circle of an arc, px."""
+    chord = row['end'] - row['start']
+    left = np.array([-chord[1], chord[0]]) / np.hypot(*chord)
+    x, y = np.array([chord / np.hypot(*chord), left]) @ (points - row['middle']).T
+    bend = row['curvature'] / 2
+    p = bend * (x * x + y * y) - y
+    return float(np.sqrt(np.mean((2 * p / (1 + np.sqrt(np.maximum(1 + 4 * bend * p, 0)))) ** 2)))
 
 
 def test_the_published_method_has_no_mask():

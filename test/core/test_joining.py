@@ -2,11 +2,14 @@
 from __future__ import annotations
 
 from finding import find, only, samples
+from hypothesis import given
+from hypothesis import strategies as st
 import numpy as np
 import pytest
 from qflsd_ros.core import DivisionModel
 from rendering import (
     both, disk, half_plane, off_circle, off_line, polygon, render, through_lens)
+from scenery import noise, scene
 
 WIDTH = 400
 LEVEL = 40.3        # y of the edge that has a gap
@@ -43,6 +46,17 @@ def test_a_gap_is_not_bridged_beyond_max_gap(max_gap, beyond):
     gap = max_gap + beyond
     first, second = level(interrupted(gap), max_gap=max_gap)
     assert first + second < WIDTH - gap + 5
+
+
+@given(st.integers(0, 999), st.sampled_from([None, -0.4]))
+def test_without_a_gap_nothing_is_joined(seed, lam):
+    """Each arc is one run of one chain: from pixel to pixel of it is one step."""
+    for gray in (scene(seed % 50), noise(seed, (150, 200))):
+        arcs = find(gray, None if lam is None else DivisionModel(lam, gray.shape), max_gap=0.0,
+                    min_score=-1000.0)
+        assert len(arcs) > 3
+        for i in range(len(arcs)):
+            assert np.abs(np.diff(arcs.pixels(i), axis=0)).max() == 1
 
 
 def test_what_lies_in_a_wide_gap_counts():

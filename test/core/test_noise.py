@@ -38,6 +38,30 @@ def test_what_is_saturated_tells_nothing():
     assert noise.estimate(np.full((50, 50), 255, np.uint8)) == 0
 
 
+@given(st.sampled_from([2.0, 5.0, 10.0]), seeds, st.sampled_from([1, 16, 128]),
+       st.sampled_from([np.s_[:15], np.s_[-40:], np.s_[100:130], np.s_[:, :60], np.s_[:, 250:],
+                        np.s_[30:150, 40:200]]))
+def test_flat_bands_and_patches_are_no_noise_free_image(sigma, seed, level, where):
+    gray = noisy(sigma, seed)
+    gray[where] = level
+    assert 0.7 * sigma < noise.estimate(gray) < 1.05 * sigma
+
+
+def test_an_upright_film_between_bars():
+    gray = np.full((180, 320), 16, np.uint8)
+    gray[:, 110:211] = noisy(5, 0, (180, 101))
+    assert 3 < noise.estimate(gray) < 5.2
+
+
+@given(st.floats(-np.pi, np.pi), st.integers(1, 3), st.integers(0, 60))
+def test_a_clean_image_of_any_edges_has_none(angle, count, flat):
+    across = 200 / count
+    gray = render((200, 240), lambda u, v: across / 4 - np.abs(
+        half_plane(0, 0, angle)(u, v) % across - across / 2))
+    gray[:flat] = 16
+    assert noise.estimate(gray) < 0.3
+
+
 @given(arrays(np.uint8, st.tuples(st.integers(1, 40), st.integers(1, 40))))
 def test_any_image_has_some(gray):
     assert 0 <= noise.estimate(gray) < 8 * 255

@@ -1,0 +1,41 @@
+"""Where arcs may be: the part of an image that a mask leaves."""
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+# px around what is masked in which gradients do not count: the blur and Sobel see 2 px far.
+MARGIN = 2
+
+
+class Region(NamedTuple):
+    """The part of an image of (H, W) pixels in which arcs are sought."""
+
+    masked: bool            # whether any pixel is left out
+    allowed: np.ndarray     # (H, W) bool: where the points of arcs may lie
+    seen: np.ndarray        # (H, W) bool: where no masked pixel is within MARGIN
+    top: int                # rows top to bottom - 1 and columns left to right - 1 hold all that
+    bottom: int             # is allowed
+    left: int
+    right: int
+
+
+def region(shape: tuple[int, int], mask: np.ndarray | None) -> Region:
+    """Return the part of an image that a mask (H, W), not zero there, leaves; None: all of it."""
+    height, width = shape
+    if mask is None or (mask != 0).all():
+        everywhere = np.ones(shape, np.bool_)
+        return Region(False, everywhere, everywhere, 0, height, 0, width)
+    allowed = np.ascontiguousarray(mask != 0)
+    side = 2 * MARGIN + 1
+    seen = cv2.erode(allowed.view(np.uint8), np.ones((side, side), np.uint8)).view(np.bool_)
+    (top, bottom), (left, right) = (_extent(allowed.any(axis=axis)) for axis in (1, 0))
+    return Region(True, allowed, seen, top, bottom, left, right)
+
+
+def _extent(lines: np.ndarray) -> tuple[int, int]:
+    """Return where the first of the lines that are True is, and the one after the last."""
+    wanted = np.flatnonzero(lines)
+    return (int(wanted[0]), int(wanted[-1]) + 1) if len(wanted) else (0, 0)
