@@ -12,12 +12,13 @@ import shutil
 import sys
 import time
 
-from benchmark import (
-    ablation, accuracy, degraded, exactness, growth, lens, memory, node, overhead, paper_tables,
-    peers, plates, quote, repeatability, report, robustness, sameness, speed, stages)
+from benchmark import peers, quote, report
 from benchmark.datasets import Dataset, DatasetError
 from benchmark.experiment import Effort, Experiment, QUICK
-from benchmark.rendered import write
+from benchmark.experiments import (
+    ablation, accuracy, degraded, exactness, growth, lens, memory, node, overhead, paper_tables,
+    plates, repeatability, robustness, sameness, speed, stages)
+from benchmark.experiments.rendered import write
 from tqdm import tqdm
 
 # In the order of the report.

@@ -8,7 +8,7 @@ from typing import TypeVar
 
 from tqdm import tqdm
 
-PRELOADED = ['benchmark.metrics', 'benchmark.peers', 'benchmark.rendered']
+PRELOADED = ['benchmark.metrics', 'benchmark.peers', 'benchmark.experiments.rendered']
 Task = TypeVar('Task')
 Result = TypeVar('Result')
 

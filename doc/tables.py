@@ -10,8 +10,8 @@ import re
 
 from qflsd_ros.core import Parameters
 from qflsd_ros.ros.camera import CameraParameters
-from qflsd_ros.ros.node_parameters import NodeParameters
-from qflsd_ros.ros.parameters import markdown_table
+from qflsd_ros.ros.parameters.declaration import markdown_table
+from qflsd_ros.ros.parameters.node_parameters import NodeParameters
 from qflsd_ros.sources import reasons
 
 README = Path(__file__).parents[1] / 'README.md'

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from qflsd_ros.cli.detect import main
 from qflsd_ros.core import Detector, Parameters
-from qflsd_ros.ros import parameters
+from qflsd_ros.ros.parameters import declaration
 from rclpy.context import Context
 from rclpy.node import Node
 import yaml
@@ -45,7 +45,7 @@ def test_a_node_takes_it() -> None:
     context.init(['--ros-args', '--params-file', str(FILE)], domain_id=101)
     try:
         node = Node('detector', context=context)
-        parameters.attach(node, (Parameters,), applied.append)
+        declaration.attach(node, (Parameters,), applied.append)
         assert set(GIVEN) <= set(node.list_parameters([], 0).names)
         assert applied == [Parameters(**GIVEN)]
     finally:

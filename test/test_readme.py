@@ -12,12 +12,12 @@ from diagnostic_msgs.msg import DiagnosticStatus
 import numpy as np
 import pytest
 from qflsd_ros.core import Detector
-from qflsd_ros.ros import calibration, outputs
 from qflsd_ros.ros.detector import OUTPUTS
 from qflsd_ros.ros.diagnostics import Statistics
-from qflsd_ros.ros.images import LAYOUTS
+from qflsd_ros.ros.input.images import LAYOUTS
 from qflsd_ros.ros.lens import CameraLens
-from qflsd_ros.ros.node_parameters import NodeParameters
+from qflsd_ros.ros.output import camera_info, clouds
+from qflsd_ros.ros.parameters.node_parameters import NodeParameters
 from qflsd_ros.sources import Scene
 import rclpy
 from rclpy.context import Context
@@ -58,7 +58,7 @@ def test_parameter_tables_are_those_of_the_dataclasses() -> None:
 
 
 @pytest.mark.parametrize('name, dtype', [
-    ('segments', outputs.SEGMENT_POINT), ('arcs', outputs.ARC), ('planes', outputs.PLANE)])
+    ('segments', clouds.SEGMENT_POINT), ('arcs', clouds.ARC), ('planes', clouds.PLANE)])
 def test_fields_of_point_clouds(name: str, dtype: np.dtype) -> None:
     """Names, types and offsets are in the order of the message, the size is its size."""
     table = re.search(rf'<!-- fields of {name} -->\n((\|.*\n)+)', README)[1]
@@ -102,8 +102,8 @@ def test_snippets_in_python_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     cv2.imwrite('photo.jpg', gray, [cv2.IMWRITE_JPEG_QUALITY, 100])
     arcs = Detector().detect(gray)
     lens, messages, library, scene = code('python')
-    scope: dict[str, Any] = {'segments_message': outputs.segments(Header(), arcs, 0.1),
-                             'arcs_message': outputs.arc_records(Header(), arcs)}
+    scope: dict[str, Any] = {'segments_message': clouds.segments(Header(), arcs, 0.1),
+                             'arcs_message': clouds.arc_records(Header(), arcs)}
     exec(compile(messages, 'README.md', 'exec'), scope)
     assert len(scope['segments']) == len(scope['arcs']) == len(arcs)
     assert 0 < len(scope['long']) <= len(arcs)
@@ -139,7 +139,7 @@ def test_image_proc_is_remapped_to_the_camera_info_of_the_detector() -> None:
         node = Node('rectify_node', context=context)
         image = node.resolve_topic_name('image')
         assert image == '/cam/image_raw'
-        assert node.resolve_topic_name(calibration.topic_of(image)) == '/detector/camera_info'
+        assert node.resolve_topic_name(camera_info.topic_of(image)) == '/detector/camera_info'
         node.destroy_node()
     finally:
         rclpy.shutdown(context=context)

@@ -10,7 +10,7 @@ import unicodedata
 
 import cv2
 import numpy as np
-from qflsd_ros.ros import images
+from qflsd_ros.ros.input import images
 from qflsd_ros.sources.bag import Bag, STORAGE_SUFFIXES
 from qflsd_ros.sources.encoded import GRAY
 from qflsd_ros.sources.files import IMAGE_SUFFIXES, natural_order, read_image

@@ -9,10 +9,10 @@ import re
 from typing import Any, Callable, NamedTuple
 
 from qflsd_ros.core import Parameters
-from qflsd_ros.ros import origin, parameter_file
-from qflsd_ros.ros.node_parameters import check_together, NodeParameters
-from qflsd_ros.ros.parameter_file import FileError
-from qflsd_ros.ros.view import read_mask
+from qflsd_ros.ros.input.region import read_mask
+from qflsd_ros.ros.parameters import file, origin
+from qflsd_ros.ros.parameters.file import FileError
+from qflsd_ros.ros.parameters.node_parameters import check_together, NodeParameters
 from qflsd_ros.sources.frames import SourceError
 
 NODE = '/detector'
@@ -99,12 +99,12 @@ def _from_file(path: Path, node: str, tell: Callable[[str], None]) -> dict[str, 
         raise SettingsError(f'--node is {node!r}: must be the full name of a node, as '
                             '/left/detector')
     try:
-        sections = parameter_file.read(path)
+        sections = file.read(path)
     except FileError as error:
         raise SettingsError(str(error)) from error
-    found = parameter_file.merged(sections, node)
+    found = file.merged(sections, node)
     if found is None:
-        tell(f'{parameter_file.unmatched(path, sections, node)}; --node names another node')
+        tell(f'{file.unmatched(path, sections, node)}; --node names another node')
         return {}
     idle = [name for name, value in found.values.items() if _is_idle(name, value)]
     if idle:

@@ -8,12 +8,13 @@ from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
-from qflsd_ros import rows
+from qflsd_ros import records
 from qflsd_ros.cli import results
 from qflsd_ros.cli.inputs import Picture
 from qflsd_ros.cli.recordings import Cloud
 from qflsd_ros.cli.settings import Settings
-from qflsd_ros.core import Arcs, Detector, estimation, with_straightness
+from qflsd_ros.core import Arcs, Detector, with_straightness
+from qflsd_ros.core.lens import estimation
 from qflsd_ros.ros.finding import find
 from qflsd_ros.ros.lens import CameraLens
 from qflsd_ros.sources.frames import FrameError, SourceError
@@ -111,4 +112,4 @@ class Work:
             return None
         bag = picture.name.rpartition('/')[0]
         tolerance = self._settings.node.polyline_tolerance
-        return Cloud(bag, picture.moment, rows.of_segments(arcs, tolerance))
+        return Cloud(bag, picture.moment, records.of_segments(arcs, tolerance))

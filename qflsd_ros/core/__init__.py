@@ -11,8 +11,8 @@ The QF-LSD line detector, without ROS: numpy, OpenCV and numba alone.
 """
 from qflsd_ros.core.arcs import Arcs
 from qflsd_ros.core.detector import Detector
-from qflsd_ros.core.distortion import DivisionModel, rectified
-from qflsd_ros.core.estimation import estimate_distortion, LensEstimate, with_straightness
+from qflsd_ros.core.lens.division import DivisionModel, rectified
+from qflsd_ros.core.lens.estimation import estimate_distortion, LensEstimate, with_straightness
 from qflsd_ros.core.parameters import Parameters
 
 __all__ = ['Arcs', 'Detector', 'DivisionModel', 'LensEstimate', 'Parameters',

@@ -5,14 +5,15 @@ import math
 
 import numpy as np
 
-from qflsd_ros.core import (
-    assembly, chains, contrast, edges, extraction, joining, noise, paper)
+from qflsd_ros.core import paper
 from qflsd_ros.core.arcs import Arcs
 from qflsd_ros.core.circle import FIT_SIZE, NO_LENS
-from qflsd_ros.core.distortion import DivisionModel
+from qflsd_ros.core.detection import (
+    assembly, chains, edges, extraction, joining, noise, thresholds)
+from qflsd_ros.core.detection.validation import Evidence
+from qflsd_ros.core.lens.division import DivisionModel
 from qflsd_ros.core.parameters import Parameters
 from qflsd_ros.core.region import Region, region
-from qflsd_ros.core.validation import Evidence
 
 SHORTEST = 8                # edge points of the shortest piece of an arc in an image without noise
 # Shortest piece from which an arc is made, px for each edge point of the shortest piece (tuned on
@@ -101,8 +102,8 @@ class Detector:
         memory = self._memory
         edges.gradients(gray, blur_sigma, memory.blurred, memory.dx, memory.dy)
         # Only now: what is read line by line has the image in the cache by then.
-        strength = contrast.estimate(gray, where)
-        scale = contrast.scale(strength, grain, self.parameters.contrast_high)
+        strength = thresholds.estimate(gray, where)
+        scale = thresholds.scale(strength, grain, self.parameters.contrast_high)
         low, high = scale * self.parameters.contrast_low, scale * self.parameters.contrast_high
         dx, dy = memory.dx.reshape(-1), memory.dy.reshape(-1)
         memory.reserve(edges.find(memory.dx, memory.dy, low, high, memory.magnitudes,

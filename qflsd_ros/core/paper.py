@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 
 from qflsd_ros.core.arcs import Arcs, TABLE
-from qflsd_ros.core.edges import SOBEL_GAIN
+from qflsd_ros.core.detection.edges import SOBEL_GAIN
 from qflsd_ros.core.parameters import Parameters
 
 DRAWS = 20          # open: attempts at three points that are not collinear

@@ -15,8 +15,8 @@ from typing import Callable
 
 from builtin_interfaces.msg import Time
 from qflsd_ros.core.parameters import check, parameter
-from qflsd_ros.ros import parameters
 from qflsd_ros.ros.kernels import Kernels
+from qflsd_ros.ros.parameters import declaration
 from qflsd_ros.ros.run import run
 from qflsd_ros.sources import Frame, open_source, Scene, SceneFrames, Source
 from rclpy.duration import Duration
@@ -99,8 +99,8 @@ class CameraNode(Node):
 
     def __init__(self) -> None:
         super().__init__('camera')
-        parameters.attach(self, (CameraParameters,), self._apply)
-        parameters.warn_of_unknown(self)
+        declaration.attach(self, (CameraParameters,), self._apply)
+        declaration.warn_of_unknown(self)
         self._publisher = self.create_publisher(
             Image, 'image', QoSProfile(depth=5, reliability=ReliabilityPolicy.RELIABLE),
             # Whoever begins to listen wakes the executor.

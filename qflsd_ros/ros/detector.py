@@ -14,22 +14,26 @@ from typing import Any, Callable, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 import numpy as np
-from qflsd_ros.core import Arcs, Detector, estimation, Parameters
-from qflsd_ros.core.distortion import DivisionModel
-from qflsd_ros.core.estimation import with_straightness
-from qflsd_ros.core.planes import planes
-from qflsd_ros.ros import calibration, compressed, images, lens, outputs, parameters
+from qflsd_ros.core import Arcs, Detector, Parameters
+from qflsd_ros.core.geometry.planes import planes
+from qflsd_ros.core.lens import estimation
+from qflsd_ros.core.lens.division import DivisionModel
+from qflsd_ros.core.lens.estimation import with_straightness
+from qflsd_ros.ros import lens
 from qflsd_ros.ros.diagnostics import Statistics
 from qflsd_ros.ros.finding import find
+from qflsd_ros.ros.input import compressed, images
+from qflsd_ros.ros.input.lazy import LazySubscription
+from qflsd_ros.ros.input.losses import Losses
+from qflsd_ros.ros.input.region import read_mask
+from qflsd_ros.ros.input.slot import Slot
 from qflsd_ros.ros.kernels import Kernels
-from qflsd_ros.ros.lazy import LazySubscription
-from qflsd_ros.ros.losses import Losses
-from qflsd_ros.ros.markers import markers
-from qflsd_ros.ros.node_parameters import check_together, NodeParameters
-from qflsd_ros.ros.parameters import ParameterError
+from qflsd_ros.ros.output import camera_info, clouds
+from qflsd_ros.ros.output.markers import markers
+from qflsd_ros.ros.parameters import declaration
+from qflsd_ros.ros.parameters.declaration import ParameterError
+from qflsd_ros.ros.parameters.node_parameters import check_together, NodeParameters
 from qflsd_ros.ros.run import run
-from qflsd_ros.ros.slot import Slot
-from qflsd_ros.ros.view import read_mask
 from qflsd_ros.sources.frames import FrameError, SourceError
 from qflsd_ros.sources.reasons import Reason
 import rclpy
@@ -88,11 +92,11 @@ def _warm_up() -> None:
 
 
 def _segments(result: Result) -> PointCloud2:
-    return outputs.segments(result.header, result.arcs, result.settings.polyline_tolerance)
+    return clouds.segments(result.header, result.arcs, result.settings.polyline_tolerance)
 
 
 def _arcs(result: Result) -> PointCloud2:
-    return outputs.arc_records(result.header, result.arcs)
+    return clouds.arc_records(result.header, result.arcs)
 
 
 def _markers(result: Result) -> bytes:
@@ -102,18 +106,18 @@ def _markers(result: Result) -> bytes:
 
 
 def _overlay(result: Result) -> Image:
-    return outputs.overlay_image(
+    return clouds.overlay_image(
         result.header, result.gray, result.arcs, result.settings.line_width)
 
 
 def _camera_info(result: Result) -> CameraInfo:
-    return calibration.camera_info(result.header, lens.required(result.lens, result.settings),
+    return camera_info.camera_info(result.header, lens.required(result.lens, result.settings),
                                    result.settings.focal_length)
 
 
 def _rectified(result: Result) -> PointCloud2:
-    return outputs.rectified(result.header, result.arcs,
-                             lens.required(result.lens, result.settings))
+    return clouds.rectified(result.header, result.arcs,
+                            lens.required(result.lens, result.settings))
 
 
 OUTPUTS = (
@@ -143,7 +147,7 @@ class DetectorNode(Node):
 
     def __init__(self) -> None:
         super().__init__('detector')
-        parameters.attach(self, (Parameters, NodeParameters), self._apply, check_together)
+        declaration.attach(self, (Parameters, NodeParameters), self._apply, check_together)
         self._read_mask()
         self._statistics = Statistics()
         self._last_log: dict[str, float] = {}
@@ -156,7 +160,7 @@ class DetectorNode(Node):
         self._losses = Losses(self._cameras)
         self._images = LazySubscription(self, self._subscribe)
         self._calibration = LazySubscription(self, self._subscribe_calibration)
-        parameters.warn_of_unknown(self)
+        declaration.warn_of_unknown(self)
         self.create_timer(DIAGNOSTICS_PERIOD, self._diagnose,
                           clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._worker = Thread(target=self._work, name='detection', daemon=True)
@@ -223,7 +227,7 @@ class DetectorNode(Node):
 
     def _subscribe_calibration(self) -> Subscription:
         return self.create_subscription(
-            CameraInfo, calibration.topic_of(self._image_topic), self._calibrate, INPUT,
+            CameraInfo, camera_info.topic_of(self._image_topic), self._calibrate, INPUT,
             qos_overriding_options=QoSOverridingOptions.with_default_policies())
 
     def _follow_listeners(self) -> None:
@@ -289,9 +293,9 @@ class DetectorNode(Node):
             self._reject(reason, text)
 
     def _planes_of(self, result: Result) -> PointCloud2:
-        topic = calibration.topic_of(self._image_topic)
-        camera = calibration.lens(self._camera_info, topic, *result.gray.shape)
-        return outputs.plane_records(result.header, planes(result.arcs, camera))
+        topic = camera_info.topic_of(self._image_topic)
+        camera = camera_info.lens(self._camera_info, topic, *result.gray.shape)
+        return clouds.plane_records(result.header, planes(result.arcs, camera))
 
     def _age(self, header: Header) -> float:
         stamp = header.stamp.sec * 10**9 + header.stamp.nanosec

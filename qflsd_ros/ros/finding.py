@@ -3,10 +3,10 @@ from __future__ import annotations
 
 import numpy as np
 from qflsd_ros.core import Arcs, Detector
-from qflsd_ros.core.distortion import DivisionModel
+from qflsd_ros.core.lens.division import DivisionModel
+from qflsd_ros.ros.input.region import reduced, view
 from qflsd_ros.ros.lens import CameraLens
-from qflsd_ros.ros.node_parameters import NodeParameters
-from qflsd_ros.ros.view import reduced, view
+from qflsd_ros.ros.parameters.node_parameters import NodeParameters
 
 
 def find(gray: np.ndarray, detector: Detector, settings: NodeParameters,
@@ -37,7 +37,7 @@ def find(gray: np.ndarray, detector: Detector, settings: NodeParameters,
     ViewError
         The region lies outside, or the mask has another size.
     SourceError
-        The mask cannot be read, unless :func:`qflsd_ros.ros.view.read_mask` has done so before.
+        The mask cannot be read and :func:`read_mask` has not been called before.
 
     """
     factor, mask = view(settings, *gray.shape)

@@ -4,11 +4,11 @@ from __future__ import annotations
 from functools import lru_cache
 
 from qflsd_ros.core.arcs import Arcs
-from qflsd_ros.core.calibration import Calibration, calibration
-from qflsd_ros.core.distortion import DivisionModel
-from qflsd_ros.core.estimation import LensEstimate
-from qflsd_ros.core.tracking import LensTracker
-from qflsd_ros.ros.node_parameters import NodeParameters
+from qflsd_ros.core.lens.conversion import Calibration, calibration
+from qflsd_ros.core.lens.division import DivisionModel
+from qflsd_ros.core.lens.estimation import LensEstimate
+from qflsd_ros.core.lens.tracker import LensTracker
+from qflsd_ros.ros.parameters.node_parameters import NodeParameters
 from qflsd_ros.sources.frames import FrameError
 from qflsd_ros.sources.reasons import Reason
 

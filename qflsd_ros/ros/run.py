@@ -5,8 +5,8 @@ import signal
 import sys
 from typing import Callable, Protocol
 
-from qflsd_ros.ros.origin import origin
-from qflsd_ros.ros.parameters import ParameterError
+from qflsd_ros.ros.parameters.declaration import ParameterError
+from qflsd_ros.ros.parameters.origin import origin
 from qflsd_ros.sources.frames import SourceError
 import rclpy
 from rclpy.exceptions import NotInitializedException, ParameterException

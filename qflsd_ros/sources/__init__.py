@@ -8,6 +8,6 @@ Where images come from, without ROS: the synthetic scene, files, videos, webcams
 """
 from qflsd_ros.sources.frames import Frame, Source, SourceError
 from qflsd_ros.sources.opening import open_source
-from qflsd_ros.sources.scene import Scene, SceneFrames
+from qflsd_ros.sources.scene.scene import Scene, SceneFrames
 
 __all__ = ['Frame', 'open_source', 'Scene', 'SceneFrames', 'Source', 'SourceError']

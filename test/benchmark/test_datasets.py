@@ -4,8 +4,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from benchmark import rendered
 from benchmark.datasets import Dataset, DatasetError, lens_of, View
+from benchmark.experiments import rendered
 import numpy as np
 import pytest
 

@@ -5,8 +5,9 @@ from pathlib import Path
 import re
 import sys
 
-from benchmark import peers, quote, rendered
+from benchmark import peers, quote
 from benchmark.__main__ import main
+from benchmark.experiments import rendered
 import pytest
 
 LARGEST = 2_000_000     # bytes of all figures

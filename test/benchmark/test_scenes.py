@@ -2,8 +2,8 @@
 from __future__ import annotations
 
 from benchmark import scenes
+from benchmark.experiments.rendered import sagitta
 from benchmark.lenses import EquidistantLens, Lens
-from benchmark.rendered import sagitta
 import numpy as np
 import pytest
 from qflsd_ros.core import DivisionModel

@@ -46,7 +46,8 @@ def all_gone(processes: list[int]) -> bool:
     """Return whether none of some processes runs any more; one that nobody waits for does not."""
     def runs(number: int) -> bool:
         try:
-            return Path('/proc', str(number), 'stat').read_text().rpartition(')')[2].split()[0] != 'Z'
+            state = Path('/proc', str(number), 'stat').read_text().rpartition(')')[2].split()[0]
+            return state != 'Z'
         except OSError:
             return False
     return not any(map(runs, processes))

@@ -17,7 +17,7 @@ from qflsd_ros import overlay
 from qflsd_ros.cli.detect import main
 from qflsd_ros.cli.settings import Settings
 from qflsd_ros.core import Arcs, Detector, Parameters
-from qflsd_ros.ros.node_parameters import NodeParameters
+from qflsd_ros.ros.parameters.node_parameters import NodeParameters
 from qflsd_ros.sources import Scene
 
 

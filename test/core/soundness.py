@@ -3,7 +3,8 @@ from __future__ import annotations
 
 from finding import project, samples
 import numpy as np
-from qflsd_ros.core import Arcs, contrast, edges, noise, Parameters, tips
+from qflsd_ros.core import Arcs, Parameters
+from qflsd_ros.core.detection import edges, extension, noise, thresholds
 
 ACROSS = 0.5        # least cosine of the angle between a gradient and what counts as across
 EPSILON = 1e-3      # grey levels, of rounding
@@ -41,8 +42,8 @@ def assert_edge_pixels(pixels: np.ndarray, gray: np.ndarray, parameters: Paramet
     """Assert that each pixel's step is the largest across the edge, and high enough."""
     grain = noise.estimate(gray)
     sigma = noise.blur(parameters.blur_sigma, grain)
-    low = parameters.contrast_low * contrast.scale(
-        contrast.estimate(gray), noise.of_gradient(grain, sigma), parameters.contrast_high)
+    low = parameters.contrast_low * thresholds.scale(
+        thresholds.estimate(gray), noise.of_gradient(grain, sigma), parameters.contrast_high)
     dx, dy = (np.empty(gray.shape, np.int16) for _ in range(2))
     edges.gradients(gray, sigma, np.empty_like(gray), dx, dy)
     dx, dy = dx / edges.SOBEL_GAIN, dy / edges.SOBEL_GAIN
@@ -77,5 +78,5 @@ def assert_along(line: np.ndarray, points: np.ndarray, parameters: Parameters) -
     off, place = project(points, line)
     assert off.max() < 4 * parameters.tolerance
     assert np.diff(place).min(initial=0) > -6
-    ends = 4 + tips.FARTHEST
+    ends = 4 + extension.FARTHEST
     assert place[0] < ends and place[-1] > project(line[-1:], line)[1] - ends

@@ -7,10 +7,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from qflsd_ros.core import Arcs, contrast, Detector, DivisionModel, noise, Parameters
+from qflsd_ros.core import Arcs, Detector, DivisionModel, Parameters
+from qflsd_ros.core.detection import noise, thresholds
 from qflsd_ros.core.region import MARGIN, region
-from qflsd_ros.ros.node_parameters import NodeParameters
-from qflsd_ros.ros.view import reduced, view
+from qflsd_ros.ros.input.region import reduced, view
+from qflsd_ros.ros.parameters.node_parameters import NodeParameters
 from rendering import half_plane, off_line, render
 from scenery import noise as texture
 from scenery import scene
@@ -104,15 +105,15 @@ def test_what_is_masked_does_not_count(seed, there):
 
 @given(st.integers(0, 99), st.integers(0, 60), st.integers(0, 80), st.integers(60, 120),
        st.integers(80, 160), st.sampled_from([2.0, 8.0]))
-def test_noise_and_contrast_in_a_region_are_those_of_its_picture(seed, top, left, height, width,
-                                                                sigma):
+def test_noise_and_contrast_in_a_region_are_those_of_its_picture(
+        seed, top, left, height, width, sigma):
     errors = np.random.default_rng(seed).normal(0, sigma, SHAPE)
     gray = np.clip(scene(seed) + errors, 0, 255).astype(np.uint8)
     mask = np.zeros(SHAPE, bool)
     mask[top:top + height, left:left + width] = True
     where, part = region(SHAPE, mask), np.ascontiguousarray(gray[mask].reshape(height, width))
     assert noise.estimate(gray, where) == noise.estimate(part)
-    assert contrast.estimate(gray, where) == pytest.approx(contrast.estimate(part), abs=0.15)
+    assert thresholds.estimate(gray, where) == pytest.approx(thresholds.estimate(part), abs=0.15)
 
 
 def test_a_mask_that_leaves_all_or_nothing():

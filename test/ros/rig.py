@@ -10,8 +10,8 @@ import cv2
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 import numpy as np
 from qflsd_ros.core import Detector
-from qflsd_ros.ros import outputs
-from qflsd_ros.ros.node_parameters import NodeParameters
+from qflsd_ros.ros.output import clouds
+from qflsd_ros.ros.parameters.node_parameters import NodeParameters
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter as RosParameter
 from rclpy.qos import qos_profile_sensor_data, QoSProfile
@@ -151,7 +151,7 @@ def values(status: DiagnosticStatus) -> dict[str, str]:
 
 def same(message: PointCloud2, expected: list[np.ndarray], within: float = 1e-3) -> bool:
     """Tell whether a message holds just these polylines."""
-    found = outputs.polylines(message)
+    found = clouds.polylines(message)
     return len(found) == len(expected) and all(
         one.shape == other.shape and np.abs(one - other).max() < within
         for one, other in zip(found, expected))

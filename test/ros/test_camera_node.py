@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import pytest
 from qflsd_ros.ros.camera import CameraParameters
-from qflsd_ros.ros.parameters import yaml_text
+from qflsd_ros.ros.parameters.declaration import yaml_text
 from qflsd_ros.sources import Scene
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosbags.rosbag2 import StoragePlugin, Writer

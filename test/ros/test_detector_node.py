@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 from qflsd_ros import overlay
 from qflsd_ros.core import Detector, Parameters
-from qflsd_ros.ros import outputs, palette
-from qflsd_ros.ros.parameters import NodeParameters
+from qflsd_ros.ros.output import clouds, palette
+from qflsd_ros.ros.parameters.declaration import NodeParameters
 from rcl_interfaces.msg import Parameter as ParameterMsg
 from rcl_interfaces.srv import (
     GetParameters, ListParameters, SetParameters, SetParametersAtomically)
@@ -63,7 +63,7 @@ def test_segments_are_those_of_the_core(rig: Rig) -> None:
 
 def test_every_output_shows_the_same_arcs(rig: Rig) -> None:
     arcs = Detector().detect(SCENE)
-    rows = outputs.records(rig.detect(image(SCENE), 'arcs'))
+    rows = clouds.records(rig.detect(image(SCENE), 'arcs'))
     assert rows['length'] == pytest.approx(arcs.table['length'], rel=1e-5)
     marker, = rig.detect(image(SCENE), 'markers').markers
     assert len(marker.points) == 2 * sum(len(line) - 1 for line in EXPECTED)
@@ -254,7 +254,7 @@ def test_the_camera_is_left_alone_while_nobody_listens(peer: Peer) -> None:
     assert rig.camera.get_subscription_count() == 0
     for _ in range(2):
         listener = rig.listen('arcs')
-        assert outputs.records(rig.detect(image(SCENE), 'arcs')).size == len(EXPECTED)
+        assert clouds.records(rig.detect(image(SCENE), 'arcs')).size == len(EXPECTED)
         peer.node.destroy_subscription(listener)
         peer.until(lambda: rig.camera.get_subscription_count() == 0)
 

@@ -13,14 +13,15 @@ import pytest
 from qflsd_ros.cli.detect import parser
 from qflsd_ros.cli.settings import read, SettingsError
 from qflsd_ros.core import Detector, Parameters
-from qflsd_ros.core.lens import SIZES
-from qflsd_ros.core.planes import planes
-from qflsd_ros.ros import calibration, parameters
-from qflsd_ros.ros.calibration import CalibrationError
-from qflsd_ros.ros.images import LAYOUTS, read as read_image
-from qflsd_ros.ros.node_parameters import check_together, NodeParameters
-from qflsd_ros.ros.origin import origin
-from qflsd_ros.ros.view import view
+from qflsd_ros.core.geometry.planes import planes
+from qflsd_ros.core.lens.camera_model import SIZES
+from qflsd_ros.ros.input.images import LAYOUTS, read as read_image
+from qflsd_ros.ros.input.region import view
+from qflsd_ros.ros.output import camera_info
+from qflsd_ros.ros.output.camera_info import CalibrationError
+from qflsd_ros.ros.parameters import declaration
+from qflsd_ros.ros.parameters.node_parameters import check_together, NodeParameters
+from qflsd_ros.ros.parameters.origin import origin
 from qflsd_ros.sources.frames import FrameError
 import rclpy
 from rclpy.context import Context
@@ -82,7 +83,7 @@ class Host(Node):
     def __init__(self, context: Context) -> None:
         super().__init__('detector', context=context)
         self.applied: tuple[Any, ...] = ()
-        parameters.attach(self, KINDS, self._apply, check_together)
+        declaration.attach(self, KINDS, self._apply, check_together)
 
     def _apply(self, *settings: Any) -> None:
         self.applied = settings
@@ -137,7 +138,7 @@ def test_images_and_regions(message: Image, white: float, x: int, size: int, wid
 @given(calibrations)
 def test_camera_info(info: CameraInfo) -> None:
     try:
-        found = planes(ARCS, calibration.lens(info, '/camera_info', 240, 320))
+        found = planes(ARCS, camera_info.lens(info, '/camera_info', 240, 320))
     except CalibrationError as error:
         assert error.reason and '\n' not in str(error)
         return
@@ -202,7 +203,7 @@ def test_files_of_the_node(tmp_path: Path, module_peer: Peer, seed: int) -> None
                    domain_id=module_peer.context.get_domain_id())
         host = Host(context)
         assert {name: host.get_parameter(name).value for name in given_} == given_
-    except parameters.ParameterError as error:
+    except declaration.ParameterError as error:
         assert '\n' not in str(error) and any(name in str(error) for name in given_)
     except RuntimeError as error:
         assert 'p.yaml' in str(error)  # rcl itself refuses it, and names it

@@ -4,12 +4,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from qflsd_ros.core import Arcs, Detector, DivisionModel
-from qflsd_ros.core.calibration import calibration
-from qflsd_ros.core.estimation import LensEstimate
-from qflsd_ros.core.tracking import LensTracker
+from qflsd_ros.core.lens.conversion import calibration
+from qflsd_ros.core.lens.estimation import LensEstimate
+from qflsd_ros.core.lens.tracker import LensTracker
 from qflsd_ros.ros import lens
-from qflsd_ros.ros.calibration import camera_info
-from qflsd_ros.ros.node_parameters import NodeParameters
+from qflsd_ros.ros.output.camera_info import camera_info
+from qflsd_ros.ros.parameters.node_parameters import NodeParameters
 from qflsd_ros.sources import Scene
 from std_msgs.msg import Header
 

@@ -8,8 +8,8 @@ from diagnostic_msgs.msg import DiagnosticStatus
 import numpy as np
 import pytest
 from qflsd_ros.core import Arcs, Detector, DivisionModel
-from qflsd_ros.core.tracking import LensTracker
-from qflsd_ros.ros import outputs
+from qflsd_ros.core.lens.tracker import LensTracker
+from qflsd_ros.ros.output import clouds
 from qflsd_ros.sources import Scene
 from rig import BLACK, image, Rig, same, values
 
@@ -46,14 +46,14 @@ def test_the_lens_is_estimated_fixed_and_off(peer: Peer) -> None:
     lam, deviation = (float(found[f'lens lambda{key}']) for key in ('', ' deviation'))
     assert lam == pytest.approx(-0.4, abs=4 * deviation) and deviation < 0.02
     assert np.abs(rectifying_map(info) - straightened(lam)).max() < 0.2
-    straight = outputs.records(rig.detect(picture, 'arcs'))['straight']
+    straight = clouds.records(rig.detect(picture, 'arcs'))['straight']
     assert np.nanmean(straight > 0.5) > 0.8
 
     rectified, segments = (rig.detect(picture, name) for name in ('rectified', 'segments'))
     assert rectified.fields == segments.fields
-    shown = outputs.records(rectified)
+    shown = clouds.records(rectified)
     assert len(shown) == 2 * np.count_nonzero(~(straight < 0.5))
-    curved = outputs.records(segments)
+    curved = clouds.records(segments)
     lens = DivisionModel(lam, (480, 640))
     for number in np.unique(shown['segment']):
         ends, arc = shown[shown['segment'] == number], curved[curved['segment'] == number]
@@ -69,7 +69,7 @@ def test_the_lens_is_estimated_fixed_and_off(peer: Peer) -> None:
 
     assert rig.change(lens='off')[0].successful
     rig.show(image(BLACK), 'no lens: parameter lens is off')
-    assert np.isnan(outputs.records(rig.detect(image(ROOM.image(400)), 'arcs'))['straight']).all()
+    assert np.isnan(clouds.records(rig.detect(image(ROOM.image(400)), 'arcs'))['straight']).all()
     assert not rig.change(lens='maybe')[0].successful
 
 

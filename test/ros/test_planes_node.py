@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from diagnostic_msgs.msg import DiagnosticStatus
 import numpy as np
 import pytest
-from qflsd_ros.ros import outputs
+from qflsd_ros.ros.output import clouds
 from rclpy.qos import qos_profile_sensor_data
 from rig import EXPECTED, image, Rig, same, SCENE
 from sensor_msgs.msg import CameraInfo
@@ -41,8 +41,8 @@ def test_planes_hold_the_lines(peer: Peer) -> None:
     message = image(SCENE)
     peer.until(lambda: any(planes.header == message.header for planes in rig.received['planes']),
                lambda: (info.publish(camera_info()), rig.camera.publish(message)))
-    rows = outputs.records(rig.received['planes'][-1])
-    assert rows.dtype == outputs.PLANE
+    rows = clouds.records(rig.received['planes'][-1])
+    assert rows.dtype == clouds.PLANE
     assert rows['segment'].tolist() == list(range(len(EXPECTED)))
     normals = np.stack([rows[f'normal_{axis}'] for axis in 'xyz'], 1)
     assert np.linalg.norm(normals, axis=1) == pytest.approx(1, abs=1e-6)

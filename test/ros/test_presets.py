@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 from qflsd_ros.core import Detector, Parameters
-from qflsd_ros.ros.node_parameters import NodeParameters
+from qflsd_ros.ros.parameters.node_parameters import NodeParameters
 from rig import image, Rig, same, SCENE
 import yaml
 

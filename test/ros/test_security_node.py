@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 
 import pytest
 from qflsd_ros.ros.camera import CameraParameters
-from qflsd_ros.ros.node_parameters import NodeParameters
+from qflsd_ros.ros.parameters.node_parameters import NodeParameters
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter as RosParameter
 from rig import Rig

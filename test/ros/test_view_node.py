@@ -8,7 +8,7 @@ import cv2
 from diagnostic_msgs.msg import DiagnosticStatus
 import numpy as np
 from qflsd_ros.core import Detector
-from qflsd_ros.ros import outputs
+from qflsd_ros.ros.output import clouds
 from rig import EXPECTED, image, Rig, same, SCENE
 
 if TYPE_CHECKING:
@@ -33,8 +33,8 @@ def write_mask(peer: Peer, mask: np.ndarray) -> str:
     return str(path)
 
 
-def points_of(message: outputs.PointCloud2) -> np.ndarray:
-    return np.concatenate([np.zeros((0, 2), np.float32), *outputs.polylines(message)])
+def points_of(message: clouds.PointCloud2) -> np.ndarray:
+    return np.concatenate([np.zeros((0, 2), np.float32), *clouds.polylines(message)])
 
 
 def test_the_rim_of_the_image_circle_is_not_reported(peer: Peer) -> None:
@@ -64,7 +64,7 @@ def test_no_arc_crosses_what_is_masked(peer: Peer) -> None:
     gray = np.where(np.indices(SCENE.shape)[0] > 100, 200, 50).astype(np.uint8)
     assert len(Detector().detect(gray)) == 1
     rig = Rig(peer, '-p', f'mask:={write_mask(peer, mask)}').ready()
-    left, right = sorted(outputs.polylines(rig.detect(image(gray))), key=lambda line: line[0, 0])
+    left, right = sorted(clouds.polylines(rig.detect(image(gray))), key=lambda line: line[0, 0])
     assert left[:, 0].max() < 200 and right[:, 0].min() > 205
 
 
@@ -90,7 +90,7 @@ def test_a_smaller_image_gives_results_of_the_full_one(peer: Peer) -> None:
     assert same(found, Detector().detect(small).scaled(4).polylines(0.1))
     # What is found lies where the full image has it.
     full = [line for line in Detector().detect(gray).polylines() if len(line) == 2]
-    straight = [line for line in outputs.polylines(found) if len(line) == 2]
+    straight = [line for line in clouds.polylines(found) if len(line) == 2]
     assert len(straight) >= 3
     for line in straight:
         across = np.array([-1, 1]) * (line[1] - line[0])[::-1] / np.hypot(*(line[1] - line[0]))

@@ -1,0 +1,1 @@
+"""The stages from a grey image to its arcs."""

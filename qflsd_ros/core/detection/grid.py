@@ -1,0 +1,90 @@
+"""
+Which ends of pieces lie where an arc might go on.
+
+Ends are sorted into square cells, row by row, so that those in a part of a row of cells lie one
+behind the other.
+"""
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from qflsd_ros.core.compilation import compiled, inlined
+
+CELL = 16.0             # px, of a cell
+COSINE = math.cos(math.radians(9.0))        # of the angle between the tangents at a gap
+OVERLAP = 4.0           # px by which two pieces may overlap
+ACROSS = 1.2            # px that an end may lie beside the tangent at the other
+ACROSS_SLOPE = 0.18     # px more of that for each px of gap
+
+
+class Grid(NamedTuple):
+    """M ends in ``rows`` times ``columns`` cells."""
+
+    begins: np.ndarray      # (rows columns + 1,) int64, where in the order each cell begins
+    order: np.ndarray       # (M,) int64, the ends (2 piece + side) in order of their cells
+    places: np.ndarray      # (M, 4) float64, their x, y and outward unit tangent, in that order
+    columns: int
+    rows: int
+
+
+@inlined
+def cell(coordinate: float, cells: int) -> int:
+    """Return the row or column of cells, of so many, in which a coordinate lies."""
+    return min(max(int(coordinate / CELL), 0), cells - 1)
+
+
+@compiled
+def _sort(ends: np.ndarray, begins: np.ndarray, order: np.ndarray, places: np.ndarray,
+          columns: int, rows: int, filled: np.ndarray) -> None:
+    """Fill the arrays of a grid; ``begins`` is 0 before, ``filled`` has the same size."""
+    for e in range(len(order)):
+        begins[cell(ends[e, 1], rows) * columns + cell(ends[e, 0], columns) + 1] += 1
+    for k in range(rows * columns):
+        begins[k + 1] += begins[k]
+        filled[k] = begins[k]
+    for e in range(len(order)):
+        at = cell(ends[e, 1], rows) * columns + cell(ends[e, 0], columns)
+        k = filled[at]
+        filled[at] += 1
+        order[k] = e
+        for column in range(4):
+            places[k, column] = ends[e, column]
+
+
+def sort_ends(ends: np.ndarray, order: np.ndarray, places: np.ndarray, height: int,
+              width: int) -> Grid:
+    """
+    Sort ends into cells.
+
+    Parameters
+    ----------
+    ends
+        (M, 4) float64, position and outward unit tangent.
+    order, places
+        Memory for those of the grid, of the same sizes.
+    height, width
+        Of the image, px.
+
+    """
+    columns, rows = int(width / CELL) + 1, int(height / CELL) + 1
+    begins, filled = np.zeros((2, columns * rows + 1), np.int64)
+    grid = Grid(begins, order, places, columns, rows)
+    _sort(ends, *grid, filled)
+    return grid
+
+
+@inlined
+def gap_to(tip: tuple[float, float, float, float], grid: Grid, k: int, longest: float) -> float:
+    """Return the gap in px from a tip (position, tangent) to an end that may go on it, or inf."""
+    x, y, tx, ty = tip
+    gx, gy = grid.places[k, 0] - x, grid.places[k, 1] - y
+    along, across = gx * tx + gy * ty, gx * ty - gy * tx
+    # Without a branch until all is known: most ends fail, each for another reason.
+    within = (along >= -OVERLAP) & (along <= longest)
+    beside = abs(across) <= ACROSS + ACROSS_SLOPE * abs(along)
+    if within & beside & (tx * grid.places[k, 2] + ty * grid.places[k, 3] <= -COSINE):
+        return math.sqrt(gx * gx + gy * gy)
+    return np.inf

@@ -1,0 +1,1 @@
+"""What arcs say about space."""

@@ -1,0 +1,84 @@
+"""
+The planes through the optical centre that hold the straight edges behind arcs.
+
+What the distortion leaves of an edge is an arc; undistorted, its points look in directions that
+lie in one plane.  The normal of that plane is all that one image tells of the edge.
+"""
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from qflsd_ros.core.arcs import Arcs
+from qflsd_ros.core.lens.camera_model import Lens
+
+SAMPLES = 9     # points along an arc
+STEP = 1e-3     # px across, for the derivative of a ray
+
+
+class Planes(NamedTuple):
+    """
+    Planes through the optical centre.
+
+    Attributes
+    ----------
+    arcs
+        (N,) int64, the arc of each plane; arcs that leave the lens's model have none.
+    normals
+        (N, 3) float64 of length 1, in the optical frame (x right, y down, z forward), towards the
+        brighter side of the edge.
+    covariances
+        (N, 3, 3) float64 of the normals, from offset_std and curvature_std of the arcs; of rank 2
+        at most, as a normal does not change its length.
+
+    """
+
+    arcs: np.ndarray
+    normals: np.ndarray
+    covariances: np.ndarray
+
+
+def planes(arcs: Arcs, lens: Lens) -> Planes:
+    """Return the planes that hold the edges of one image."""
+    points, across = _samples(arcs)
+    rays = lens.rays(points)
+    moved = lens.rays(points + STEP * across)
+    known = np.flatnonzero(np.isfinite(rays + moved).all(axis=(1, 2)))
+    rays, change = rays[known], (moved[known] - rays[known]) / STEP
+    values, axes = np.linalg.eigh(np.einsum('nki,nkj->nij', rays, rays))
+    normals = axes[:, :, 0]
+    wanted = np.cross(rays[:, 0], rays[:, -1])
+    normals = normals * np.where(np.einsum('ni,ni->n', wanted, normals) < 0, -1, 1)[:, None]
+    # Least squares: if the rays change by d along the normal n, that changes by -S^-1 sum(r d),
+    # S = sum(r r'), inverted within the plane.
+    inverse = np.einsum('nik,nk,njk->nij', axes[:, :, 1:], 1 / values[:, 1:], axes[:, :, 1:])
+    depth = np.einsum('nki,ni->nk', change, normals)
+    slope = np.einsum('nij,nkj,nk,nkm->nim', inverse, rays, depth, _shapes(arcs.table[known]))
+    return Planes(known, normals, np.einsum('nim,njm->nij', slope, slope))
+
+
+def _samples(arcs: Arcs) -> tuple[np.ndarray, np.ndarray]:
+    """Return points along arcs and the unit vectors across, towards the right: (M, S, 2) each."""
+    points = arcs.samples(SAMPLES)
+    table, share = arcs.table, np.linspace(-0.5, 0.5, SAMPLES)
+    chord = table['end'] - table['start']
+    angle = np.arctan2(chord[:, 1], chord[:, 0])[:, None] \
+        + (table['curvature'] * table['length'])[:, None] * share
+    return points, np.stack([-np.sin(angle), np.cos(angle)], axis=-1)
+
+
+def _shapes(table: np.ndarray) -> np.ndarray:
+    """
+    Return how arcs may lie off across, along them: (M, S, 3) px, a standard deviation each.
+
+    These are shift, turn and bend, which are independent for points spread evenly.
+    """
+    length = table['length'][:, None]
+    along = length * np.linspace(-0.5, 0.5, SAMPLES)
+    # The middle of a fitted parabola has 9/4 of the variance of the points' mean.
+    mean = np.where(table['curvature'] == 0, 1, 2 / 3) * table['offset_std']
+    shift = np.broadcast_to(mean[:, None], along.shape)
+    turn = shift * np.sqrt(12) / length * along
+    bend = table['curvature_std'][:, None] * (along ** 2 / 2 - length ** 2 / 24)
+    return np.stack([shift, turn, bend], axis=-1)

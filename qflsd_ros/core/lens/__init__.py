@@ -1,0 +1,1 @@
+"""The lens: its models, and their estimation from arcs."""

@@ -1,0 +1,1 @@
+"""From arcs to messages."""

@@ -1,0 +1,1 @@
+"""ROS parameters: declaration, files, and those of the node."""
