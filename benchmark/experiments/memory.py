@@ -60,7 +60,8 @@ def measure(experiment: Experiment) -> str:
     """Write the section; the frames run in a process of their own."""
     height, width = experiment.effort.shape
     command = [sys.executable, '-m', 'benchmark.experiments.memory',
-               str(experiment.dataset.folder), str(height), str(width), str(experiment.effort.endurance)]
+               str(experiment.dataset.folder), str(height), str(width),
+               str(experiment.effort.endurance)]
     found = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True, cwd=ROOT)
     points = np.array([line.split() for line in found.stdout.splitlines()], float)
     settled = points[points[:, 0] > SETTLED * experiment.effort.endurance]

@@ -199,8 +199,8 @@ def bent(lens: DivisionModel, degrees: float) -> np.ndarray:
 def test_a_known_lens_parts_edges_that_only_look_like_one(lam, degrees, usual, known):
     lens = DivisionModel(lam, (240, 300))
     gray = bent(lens, degrees)
-    for given, count in ((None, usual), (lens, known)):
-        table = find(gray, given).table
+    for model, count in ((None, usual), (lens, known)):
+        table = find(gray, model).table
         across = table[np.abs(table['end'] - table['start'])[:, 0] > 100]
         assert len(across) == count
         assert across['length'].sum() > 275
