@@ -159,8 +159,8 @@ def longer(arcs: Arcs, least: float) -> Arcs:
 
 @given(st.integers(0, 10**6), st.lists(st.floats(3, 120), min_size=2, max_size=4),
        st.sampled_from([None, -0.4]), st.sampled_from([0.0, 2.4, 10.0]))
-def test_min_length_leaves_out_what_is_shorter_and_changes_nothing_else(seed, lengths, lam,
-                                                                       min_distance):
+def test_min_length_leaves_out_what_is_shorter_and_changes_nothing_else(
+        seed, lengths, lam, min_distance):
     for gray in (scene(seed % 50), noise(seed, (150, 200))):
         lens = None if lam is None else DivisionModel(lam, gray.shape)
         least, *others = sorted(lengths)
@@ -192,8 +192,8 @@ def square(x: float, y: float, side: float, angle: float) -> list[tuple[float, f
 
 @given(st.integers(0, 10**6), st.sampled_from([None, -30.0, -6.0, -1.5, -0.4, 0.8, 5.0]),
        st.floats(0.1, 1.5), st.floats(0.3, 3), st.floats(-1, 2))
-def test_no_arc_is_bent_more_or_wider_of_its_points_than_it_may_be(seed, lam, min_radius,
-                                                                  tolerance, place):
+def test_no_arc_is_bent_more_or_wider_of_its_points_than_it_may_be(
+        seed, lam, min_radius, tolerance, place):
     for gray in (scene(seed % 50), noise(seed, (150, 200))):
         height, width = gray.shape
         lens = None if lam is None else DivisionModel(

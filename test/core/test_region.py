@@ -104,8 +104,8 @@ def test_what_is_masked_does_not_count(seed, there):
 
 @given(st.integers(0, 99), st.integers(0, 60), st.integers(0, 80), st.integers(60, 120),
        st.integers(80, 160), st.sampled_from([2.0, 8.0]))
-def test_noise_and_contrast_in_a_region_are_those_of_its_picture(seed, top, left, height, width,
-                                                                sigma):
+def test_noise_and_contrast_in_a_region_are_those_of_its_picture(
+        seed, top, left, height, width, sigma):
     errors = np.random.default_rng(seed).normal(0, sigma, SHAPE)
     gray = np.clip(scene(seed) + errors, 0, 255).astype(np.uint8)
     mask = np.zeros(SHAPE, bool)
