@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from finding import find, only, samples
-from hypothesis import given
+import hypothesis
 from hypothesis import strategies as st
 import numpy as np
 import pytest
@@ -48,7 +48,7 @@ def test_a_gap_is_not_bridged_beyond_max_gap(max_gap, beyond):
     assert first + second < WIDTH - gap + 5
 
 
-@given(st.integers(0, 999), st.sampled_from([None, -0.4]))
+@hypothesis.given(st.integers(0, 999), st.sampled_from([None, -0.4]))
 def test_without_a_gap_nothing_is_joined(seed, lam):
     """Each arc is one run of one chain: from pixel to pixel of it is one step."""
     for gray in (scene(seed % 50), noise(seed, (150, 200))):
