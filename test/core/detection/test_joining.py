@@ -6,10 +6,10 @@ import hypothesis
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from qflsd_ros.core import DivisionModel
+from qflsd_ros.core import circle, DivisionModel, extraction, joining
+from qflsd_ros.core.region import region
 from rendering import (
     both, disk, half_plane, off_circle, off_line, polygon, render, through_lens)
-from scenery import noise, scene
 
 WIDTH = 400
 LEVEL = 40.3        # y of the edge that has a gap
@@ -48,15 +48,28 @@ def test_a_gap_is_not_bridged_beyond_max_gap(max_gap, beyond):
     assert first + second < WIDTH - gap + 5
 
 
-@hypothesis.given(st.integers(0, 999), st.sampled_from([None, -0.4]))
-def test_without_a_gap_nothing_is_joined(seed, lam):
-    """Each arc is one run of one chain: from pixel to pixel of it is one step."""
-    for gray in (scene(seed % 50), noise(seed, (150, 200))):
-        arcs = find(gray, None if lam is None else DivisionModel(lam, gray.shape), max_gap=0.0,
-                    min_score=-1000.0)
-        assert len(arcs) > 3
-        for i in range(len(arcs)):
-            assert np.abs(np.diff(arcs.pixels(i), axis=0)).max() == 1
+def pieces_joined(gap: float, aside: float, max_gap: float) -> list[int]:
+    """Return how many pieces each arc has of two level ones of 60 points, a gap in px apart."""
+    x = np.concatenate([np.arange(60.0), 59.0 + gap + np.arange(60.0)]) + 20
+    points = np.zeros((4, 120), np.float32)
+    points[0], points[1] = x, np.repeat([30, 30 + aside], 60) + 0.02 * (np.arange(120) % 2)
+    offsets, runs = np.array([0, 60, 120]), np.empty((20, 2), np.int64)
+    fits = np.empty((20, circle.FIT_SIZE))
+    count = extraction.extract(points, offsets, 2, 8, 0.7, 2.3, 0.01, circle.NO_LENS, False,
+                               np.empty((20, 3), np.int64), runs, fits)
+    assert count == 2
+    memory = joining.Memory(20)
+    pieces = joining.describe(points, runs[:2], fits[:2], memory)
+    flat = np.zeros((60, 220), np.int16)
+    joined = joining.join(pieces, memory, flat, flat, region(flat.shape, None), 12.0, max_gap, 0.7,
+                          2.3, 0.01, None)
+    return np.diff(joined.offsets).tolist()
+
+
+@hypothesis.given(st.floats(-3.5, 5), st.floats(-0.5, 0.5))
+def test_without_a_gap_nothing_is_joined(gap, aside):
+    assert pieces_joined(gap, aside, 0.0) == [1, 1]
+    assert pieces_joined(gap, aside, 8.0) == [2]
 
 
 def test_what_lies_in_a_wide_gap_counts():
