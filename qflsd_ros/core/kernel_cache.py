@@ -37,7 +37,7 @@ class DamagedError(Exception):
 
 
 class Store:
-    """Files in a private folder. Whatever goes wrong with them is logged once, and no error."""
+    """Files in a private folder; whatever goes wrong with them is logged once and ends nothing."""
 
     def __init__(self, locate: Callable[[], Path]) -> None:
         """Take what returns the folder; it is made when the first file is asked for."""
@@ -48,7 +48,7 @@ class Store:
 
     @property
     def folder(self) -> Path | None:
-        """The folder, or None where there is no private one."""
+        """Return the folder, or None where there is no private one."""
         if not self._is_open:
             self._is_open = True
             try:
@@ -128,7 +128,7 @@ class KernelCache(_Cache):
 
     @property
     def cache_path(self) -> str:
-        """The folder, for numba's statistics."""
+        """Return the folder, for numba's statistics."""
         return str(self._store.folder)
 
     def load_overload(self, sig: Any, target_context: Any) -> CompileResult | None:

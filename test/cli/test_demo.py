@@ -46,10 +46,10 @@ def all_gone(processes: list[int]) -> bool:
     """Return whether none of some processes runs any more; one that nobody waits for does not."""
     def runs(number: int) -> bool:
         try:
-            state = Path('/proc', str(number), 'stat').read_text().rpartition(')')[2].split()[0]
-            return state != 'Z'
+            status = Path('/proc', str(number), 'stat').read_text()
         except OSError:
             return False
+        return status.rpartition(')')[2].split()[0] != 'Z'
     return not any(map(runs, processes))
 
 

@@ -13,12 +13,13 @@ if TYPE_CHECKING:
 
 @pytest.mark.parametrize('node', ['camera', 'detector'])
 @pytest.mark.parametrize('library', ['numpy', 'cv2', 'librcl.so'])
-def test_an_interrupt_in_the_first_second(peer: Peer, node: str, library: str) -> None:
-    """While the node is still importing what it needs, Ctrl-C ends it without a traceback."""
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_in_the_first_second(peer: Peer, number: int, node: str, library: str) -> None:
+    """While the node is still importing what it needs, exit code 0 and no traceback as well."""
     process = peer.run('-m', 'qflsd_ros.ros', node)
     maps = Path(f'/proc/{process.popen.pid}/maps')
     peer.until(lambda: library in maps.read_text(), period=0.001)
-    assert process.stop() in (0, -signal.SIGINT)
+    assert process.stop(number) == 0
     assert process.output == ''
 
 
@@ -35,3 +36,24 @@ def test_a_bad_value_in_a_file_is_named_with_its_line(peer: Peer, node: str, par
     line, = process.output.splitlines()
     assert line.startswith(f'{node}: ') and line.endswith(f'({file}, line 4)')
     assert all(text in line for text in texts), line
+
+
+@pytest.mark.parametrize('name', ['camera', 'detector', 'demo'])
+def test_without_ros_it_says_so_in_one_line(peer: Peer, name: str) -> None:
+    """As after ``pip install .`` alone."""
+    for package in ('rclpy', 'sensor_msgs', 'std_msgs', 'diagnostic_msgs', 'builtin_interfaces'):
+        (peer.folder / f'{package}.py').write_text(
+            f'raise ModuleNotFoundError("No module named {package}", name="{package}")')
+    process = peer.run('-c', f'import sys; from qflsd_ros.ros import __main__ as nodes; '
+                       f'sys.exit(nodes.{name}())', PYTHONPATH=str(peer.folder))
+    assert process.wait() == 2
+    line, = process.output.splitlines()
+    assert line.startswith(f'{name}: the Python module ') and 'source ROS 2 Jazzy' in line
+
+
+@pytest.mark.parametrize('arguments', [(), ('nodes',), ('--help',)])
+def test_which_node_is_to_be_named(peer: Peer, arguments: tuple[str, ...]) -> None:
+    process = peer.run('-m', 'qflsd_ros.ros', *arguments)
+    assert process.wait() == 2
+    assert process.output.splitlines() == [
+        'usage: python3 -m qflsd_ros.ros camera|detector [--ros-args ...]']
