@@ -25,7 +25,8 @@ import rclpy
 from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 
-PATIENCE = 600.0  # s until the first result must have come: the first start compiles, on slow boards too
+# s until the first result must have come: the first start compiles, for minutes on slow boards.
+PATIENCE = 600.0
 SPIN = 0.1  # s, after which it is looked whether a signal has come
 STILLS_RATE = 10.0  # Hz, of still images: each one's picture is to be written
 FAILED, USAGE, INTERRUPTED = 1, 2, 130  # exit codes

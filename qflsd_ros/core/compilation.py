@@ -4,15 +4,9 @@ How the kernels are compiled: by numba, without the GIL, and kept on disk.
 Kernels allocate nothing: what memory they need is handed to them.  So numba need not count
 references to arrays (``_nrt``), which costs it a fifth of all time where one calls another.
 
-<<<<<<< HEAD
 A compiled kernel contains the kernels that it calls, which may come from other files.  The cache
 folder is therefore named by a digest of the core and of all other sources that hold kernels.  It
 lies below ``NUMBA_CACHE_DIR`` if that is set, or else below the user's cache folder.
-=======
-A kernel holds code of those that it calls, which may come from other files.  What is kept
-therefore lies in a folder named by a digest of the core and of all other sources that hold
-kernels, below ``NUMBA_CACHE_DIR`` if that is set, or else below the user's cache folder.
->>>>>>> env
 """
 from __future__ import annotations
 
