@@ -6,7 +6,8 @@ import hypothesis
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from qflsd_ros.core import circle, DivisionModel, extraction, joining
+from qflsd_ros.core import circle, DivisionModel
+from qflsd_ros.core.detection import extraction, joining
 from qflsd_ros.core.region import region
 from rendering import (
     both, disk, half_plane, off_circle, off_line, polygon, render, through_lens)
