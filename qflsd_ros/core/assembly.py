@@ -2,13 +2,13 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from qflsd_ros.core import circle
 from qflsd_ros.core.arcs import (
-    Arcs, COLUMNS, CONTRAST, CURVATURE, CURVATURE_STD, END, LENGTH, MIDDLE, OFFSET_STD, POLARITY,
-    RMS, SCORE, START, SUPPORT, TABLE)
+    COLUMNS, CONTRAST, CURVATURE, END, LENGTH, MIDDLE, POLARITY, RMS, SCORE, START, SUPPORT)
 from qflsd_ros.core.compilation import compiled, inlined
 from qflsd_ros.core.joining import Joined, MOST_TURN, Pieces
 from qflsd_ros.core.separation import separate
@@ -17,18 +17,27 @@ from qflsd_ros.core.validation import (
     ALIGNED, closeness, Evidence, LOOKS, score, SIGNS, STEPS, STRONG, WEIGHT, witness, WITNESSES)
 
 
+class Found(NamedTuple):
+    """M arcs and the N edge points behind them."""
+
+    rows: np.ndarray        # (M, COLUMNS) float64, all but what :mod:`refinement` fills in
+    points: np.ndarray      # (2, N) float64, px
+    pixels: np.ndarray      # (N, 2) int32, x and y
+    offsets: np.ndarray     # (M + 1,) int64
+
+
 @inlined
-def _geometry(fits: np.ndarray, arc: int, x0: float, y0: float, x1: float, y1: float,
-              rows: np.ndarray) -> None:
+def write_geometry(fits: np.ndarray, fit: int, x0: float, y0: float, x1: float, y1: float,
+                   rows: np.ndarray, arc: int) -> None:
     """Write where an arc is, which begins and ends at two points of a fitted curve."""
     cx, cy, mx, my = x1 - x0, y1 - y0, (x0 + x1) / 2, (y0 + y1) / 2
     chord = math.sqrt(cx * cx + cy * cy)
-    gx = 2 * fits[arc, 2] * (mx - fits[arc, 0]) + fits[arc, 3]
-    gy = 2 * fits[arc, 2] * (my - fits[arc, 1]) + fits[arc, 4]
+    gx = 2 * fits[fit, 2] * (mx - fits[fit, 0]) + fits[fit, 3]
+    gy = 2 * fits[fit, 2] * (my - fits[fit, 1]) + fits[fit, 4]
     # The curve bends towards -A times its gradient; travel turns positively where that lies to
     # the side of the normal (-cy, cx).
-    bend = 2 * abs(fits[arc, 2])
-    turn = 1.0 if fits[arc, 2] * (gy * cx - gx * cy) < 0 else -1.0
+    bend = 2 * abs(fits[fit, 2])
+    turn = 1.0 if fits[fit, 2] * (gy * cx - gx * cy) < 0 else -1.0
     half = math.asin(min(1.0, bend * chord / 2))
     sagitta = turn * chord / 2 * math.tan(half / 2)
     rows[arc, START], rows[arc, START + 1] = x0, y0
@@ -40,7 +49,7 @@ def _geometry(fits: np.ndarray, arc: int, x0: float, y0: float, x1: float, y1: f
 
 
 @inlined
-def _inside(rows: np.ndarray, arc: int, height: int, width: int) -> bool:
+def is_inside(rows: np.ndarray, arc: int, height: int, width: int) -> bool:
     """Return whether an arc lies in the image, within half a pixel."""
     for place in (START, MIDDLE, END):
         x, y = rows[arc, place], rows[arc, place + 1]
@@ -58,9 +67,9 @@ def _extend(fits: np.ndarray, arc: int, evidence: Evidence, rows: np.ndarray) ->
     x1, y1 = rows[arc, END], rows[arc, END + 1]
     u0, v0 = extended(fits, arc, x0, y0, x1, y1, evidence)
     u1, v1 = extended(fits, arc, x1, y1, x0, y0, evidence)
-    _geometry(fits, arc, u0, v0, u1, v1, rows)
-    if not _inside(rows, arc, *evidence.dx.shape):
-        _geometry(fits, arc, x0, y0, x1, y1, rows)
+    write_geometry(fits, arc, u0, v0, u1, v1, rows, arc)
+    if not is_inside(rows, arc, *evidence.dx.shape):
+        write_geometry(fits, arc, x0, y0, x1, y1, rows, arc)
 
 
 @inlined
@@ -129,13 +138,11 @@ def _describe(ends: np.ndarray, evidence: Evidence, members: np.ndarray, begins:
         last = 2 * members[end - 1, 0] + 1 - members[end - 1, 1]
         x0, y0, _, _ = circle.foot(fits, arc, ends[first, 0], ends[first, 1])
         x1, y1, _, _ = circle.foot(fits, arc, ends[last, 0], ends[last, 1])
-        _geometry(fits, arc, x0, y0, x1, y1, rows)
+        write_geometry(fits, arc, x0, y0, x1, y1, rows, arc)
         rows[arc, RMS] = math.sqrt(fits[arc, 6] / fits[arc, 7])
         # The fit's count is a sum of quadrature weights: whole up to rounding.
         rows[arc, SUPPORT] = np.rint(fits[arc, 7])
-        rows[arc, CURVATURE_STD] = 2 * math.sqrt(fits[arc, 8])
-        rows[arc, OFFSET_STD] = math.sqrt(fits[arc, 9])
-        keep[arc] = rows[arc, LENGTH] >= min_length and _inside(rows, arc, *evidence.dx.shape)
+        keep[arc] = rows[arc, LENGTH] >= min_length and is_inside(rows, arc, *evidence.dx.shape)
         for k in range(begin, end):
             wanted[members[k, 0]] = keep[arc]
 
@@ -172,7 +179,7 @@ def _gather(runs: np.ndarray, members: np.ndarray, begins: np.ndarray, keep: np.
             for i in range(first, last + step, step):
                 y = pixels[i] // width
                 arc_pixels[n, 0], arc_pixels[n, 1] = pixels[i] - y * width, y
-                arc_points[n, 0], arc_points[n, 1] = points[0, i], points[1, i]
+                arc_points[0, n], arc_points[1, n] = points[0, i], points[1, i]
                 n += 1
         arcs += 1
         offsets[arcs] = n
@@ -180,8 +187,8 @@ def _gather(runs: np.ndarray, members: np.ndarray, begins: np.ndarray, keep: np.
 
 def assemble(pieces: Pieces, joined: Joined, evidence: Evidence, pixels: np.ndarray,
              tolerance: float, min_length: float, min_score: float,
-             min_distance: float) -> Arcs:
-    """Return the arcs that are long enough, no accident, and not beside a longer one."""
+             min_distance: float) -> Found:
+    """Find the arcs that are long enough, no accident, and not beside a longer one."""
     most = len(joined.fits)
     rows, keep = np.zeros((most, COLUMNS)), np.empty(most, np.bool_)
     wanted, found = np.zeros(len(pieces.runs), np.bool_), np.empty((len(pieces.runs), WITNESSES))
@@ -194,14 +201,7 @@ def assemble(pieces: Pieces, joined: Joined, evidence: Evidence, pixels: np.ndar
     kept = rows[keep]
     count = int(kept[:, SUPPORT].sum())
     offsets = np.zeros(len(kept) + 1, np.int64)
-    arc_pixels, arc_points = np.empty((count, 2), np.int32), np.empty((count, 2))
+    arc_pixels, arc_points = np.empty((count, 2), np.int32), np.empty((2, count))
     _gather(pieces.runs, joined.members, joined.offsets, keep, pixels, shape[1], evidence.points,
             offsets, arc_pixels, arc_points)
-    return Arcs(_table(kept), arc_points, arc_pixels, offsets)
-
-
-def _table(rows: np.ndarray) -> np.ndarray:
-    """Return the rows as a table, in the same memory."""
-    table = rows.view(TABLE)[:, 0]
-    table['support'] = rows[:, SUPPORT]
-    return table
+    return Found(kept, arc_points, arc_pixels, offsets)

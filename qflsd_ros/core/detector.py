@@ -6,7 +6,7 @@ import math
 import numpy as np
 
 from qflsd_ros.core import (
-    assembly, chains, contrast, edges, extraction, joining, noise, paper)
+    assembly, chains, contrast, edges, extraction, joining, noise, paper, refinement)
 from qflsd_ros.core.arcs import Arcs
 from qflsd_ros.core.circle import FIT_SIZE, NO_LENS
 from qflsd_ros.core.distortion import DivisionModel
@@ -84,7 +84,10 @@ class Detector:
         blur_sigma = noise.blur(self.parameters.blur_sigma, grain)
         grain = noise.of_gradient(grain, blur_sigma)
         count, clear = self._find_chains(gray, mask, blur_sigma, grain, shortest)
-        return self._assemble(self._extract(count, shortest, lens), shortest, grain, clear, lens)
+        pieces = self._extract(count, shortest, lens)
+        evidence = Evidence(self._memory.points, self._memory.dx, self._memory.dy, clear, grain,
+                            blur_sigma)
+        return self._assemble(pieces, shortest, evidence, lens)
 
     def _find_chains(self, gray: np.ndarray, mask: np.ndarray | None, blur_sigma: float,
                      grain: float, shortest: int) -> tuple[int, float]:
@@ -118,7 +121,7 @@ class Detector:
         return joining.describe(memory.points, memory.runs[:count], memory.fits[:count],
                                 memory.joining)
 
-    def _assemble(self, pieces: joining.Pieces, shortest: int, grain: float, clear: float,
+    def _assemble(self, pieces: joining.Pieces, shortest: int, evidence: Evidence,
                   lens: DivisionModel | None) -> Arcs:
         """Join the pieces and describe the arcs (Step 6)."""
         memory, parameters = self._memory, self.parameters
@@ -126,10 +129,12 @@ class Detector:
         joined = joining.join(pieces, memory.joining, memory.dx, memory.dy, min_seed,
                               parameters.max_gap, parameters.tolerance, SIGNIFICANCE,
                               self._sharpest(), lens)
-        evidence = Evidence(memory.points, memory.dx, memory.dy, clear, grain)
-        return assembly.assemble(pieces, joined, evidence, memory.pixels, parameters.tolerance,
-                                 parameters.min_length, parameters.min_score,
-                                 parameters.min_distance)
+        found = assembly.assemble(pieces, joined, evidence, memory.pixels, parameters.tolerance,
+                                  parameters.min_length, parameters.min_score,
+                                  parameters.min_distance)
+        in_pixels = NO_LENS if lens is None else lens.in_pixels
+        return refinement.refine(found, evidence, parameters.tolerance, SIGNIFICANCE,
+                                 self._sharpest(), in_pixels)
 
     def _sharpest(self) -> float:
         """

@@ -51,6 +51,7 @@ class Evidence(NamedTuple):
     dy: np.ndarray
     clear: float            # how strong a gradient is that counts half, grey levels
     noise: float            # standard deviation of dx and dy, grey levels
+    blur: float             # standard deviation of the Gaussian before dx and dy, px
 
 
 @summed
@@ -114,7 +115,7 @@ def witness(evidence: Evidence, runs: np.ndarray, fits: np.ndarray, wanted: np.n
         (M, WITNESSES) float64, takes what is found.
 
     """
-    points, dx, dy, clear, noise = evidence
+    points, dx, dy, clear, noise, _ = evidence
     for i in range(len(runs)):
         if wanted[i]:
             first, last = runs[i, 0], runs[i, 1]
