@@ -8,7 +8,7 @@ import numpy as np
 
 from qflsd_ros.core import circle
 from qflsd_ros.core.arcs import (
-    COLUMNS, CONTRAST, CURVATURE, END, LENGTH, MIDDLE, POLARITY, RMS, SCORE, START, SUPPORT)
+    BENT, COLUMNS, CONTRAST, CURVATURE, END, LENGTH, MIDDLE, POLARITY, RMS, SCORE, START, SUPPORT)
 from qflsd_ros.core.compilation import compiled, inlined
 from qflsd_ros.core.joining import Joined, MOST_TURN, Pieces
 from qflsd_ros.core.separation import separate
@@ -20,7 +20,7 @@ from qflsd_ros.core.validation import (
 class Found(NamedTuple):
     """M arcs and the N edge points behind them."""
 
-    rows: np.ndarray        # (M, COLUMNS) float64, all but what :mod:`refinement` fills in
+    rows: np.ndarray        # (M, COLUMNS) float64, all but the standard deviations
     points: np.ndarray      # (2, N) float64, px
     pixels: np.ndarray      # (N, 2) int32, x and y
     offsets: np.ndarray     # (M + 1,) int64
@@ -142,6 +142,7 @@ def _describe(ends: np.ndarray, evidence: Evidence, members: np.ndarray, begins:
         rows[arc, RMS] = math.sqrt(fits[arc, 6] / fits[arc, 7])
         # The fit's count is a sum of quadrature weights: whole up to rounding.
         rows[arc, SUPPORT] = np.rint(fits[arc, 7])
+        rows[arc, BENT] = fits[arc, 11]
         keep[arc] = rows[arc, LENGTH] >= min_length and is_inside(rows, arc, *evidence.dx.shape)
         for k in range(begin, end):
             wanted[members[k, 0]] = keep[arc]

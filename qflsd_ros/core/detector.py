@@ -133,8 +133,8 @@ class Detector:
                                   parameters.min_length, parameters.min_score,
                                   parameters.min_distance)
         in_pixels = NO_LENS if lens is None else lens.in_pixels
-        return refinement.refine(found, evidence, parameters.tolerance, SIGNIFICANCE,
-                                 self._sharpest(), in_pixels)
+        return refinement.refine(found, evidence, parameters.tolerance, self._sharpest(),
+                                 in_pixels)
 
     def _sharpest(self) -> float:
         """
