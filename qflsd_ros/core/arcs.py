@@ -18,11 +18,12 @@ TABLE = np.dtype([
     ('score', np.float64),          # -log10 of the number of false alarms (see validation)
     ('contrast', np.float64),       # grey levels, mean step across the arc
     ('polarity', np.float64),       # share of points with the brighter side right, less left: >= 0
+    ('bent', np.int64),             # 1 where the curvature is fitted, 0 where it is a straight edge's
 ])
 
 # The same as columns of one float64 array in which kernels fill it, x and y one after the other.
 (START, MIDDLE, END, CURVATURE, LENGTH, RMS, SUPPORT, CURVATURE_STD, OFFSET_STD, SCORE, CONTRAST,
- POLARITY, COLUMNS) = 0, 2, 4, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15
+ POLARITY, BENT, COLUMNS) = 0, 2, 4, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16
 
 
 @dataclass(frozen=True)

@@ -97,8 +97,10 @@ def normalised(circle: Circle, square: float) -> Circle:
     return circle[0] * scale, circle[1] * scale, circle[2] * scale, circle[3] * scale
 
 
-# What a fit is: one row of a float64 array.
-FIT = ('x', 'y', 'A', 'B', 'C', 'D', 'rss', 'n', 'var_A', 'var_D')
+# What a fit is: one row of a float64 array.  ``var_A`` is what decisions take for the variance of
+# A; ``lever_A`` and ``lever_D`` are the variances of A and D for each px^2 of a point's variance;
+# ``bent`` is 1 where A is fitted, 0 where it is that of the picture of a straight edge.
+FIT = ('x', 'y', 'A', 'B', 'C', 'D', 'rss', 'n', 'var_A', 'lever_A', 'lever_D', 'bent')
 FIT_SIZE = len(FIT)
 NOISE_FLOOR = 0.05      # px, the least standard deviation that a point is believed to have
 # Edge points in a row are located from pixels that they share, and blurred together: their errors
@@ -134,13 +136,13 @@ def _moments(points: np.ndarray, first: int, last: int, ox: float, oy: float, ux
     return szz, szt, sz, stt, st, sw, szv, stv, sv, svv
 
 
-# A, B, D, the residual sum of squares, and the variances of A and D.
+# A, B, D, the residual sum of squares, and lever_A and lever_D of :data:`FIT`.
 Solution = tuple[float, float, float, float, float, float]
 
 
 @inlined
 def _circle(moments: Moments, residual: float) -> Solution:
-    """Return the least squares of A z + B t + D + v; its variances are nan where there is none."""
+    """Return the least squares of A z + B t + D + v; its levers are nan where there is none."""
     szz, szt, sz, stt, st, sw, szv, stv, sv, svv = moments
     # The inverse of the symmetric matrix of the normal equations, by its cofactors.
     caa, cab, cad = stt * sw - st * st, sz * st - szt * sw, szt * st - sz * stt
@@ -152,13 +154,12 @@ def _circle(moments: Moments, residual: float) -> Solution:
     b = -(cab * szv + cbb * stv + cbd * sv) / det
     d = -(cad * szv + cbd * stv + cdd * sv) / det
     rss = residual + max(0.0, svv + a * szv + b * stv + d * sv)
-    variance = CORRELATED * max(rss / max(sw - 3.0, 1.0), NOISE_FLOOR ** 2)
-    return a, b, d, rss, variance * caa / det, variance * cdd / det
+    return a, b, d, rss, caa / det, cdd / det
 
 
 @inlined
-def _bent(moments: Moments, residual: float, a: float, var_a: float) -> Solution:
-    """Return the least squares with a given A; its variances are nan where there is none."""
+def _straight(moments: Moments, residual: float, a: float, lever_a: float) -> Solution:
+    """Return the least squares with a given A; its levers are nan where there is none."""
     szz, szt, sz, stt, st, sw, szv, stv, sv, svv = moments
     det = stt * sw - st * st
     if not det > 0.0:
@@ -168,8 +169,7 @@ def _bent(moments: Moments, residual: float, a: float, var_a: float) -> Solution
     b = -(sw * stv - st * sv) / det
     d = -(stt * sv - st * stv) / det
     rss = residual + max(0.0, svv + b * stv + d * sv)
-    variance = CORRELATED * max(rss / max(sw - 2.0, 1.0), NOISE_FLOOR ** 2)
-    return a, b, d, rss, var_a, variance * stt / det
+    return a, b, d, rss, lever_a, stt / det
 
 
 @compiled
@@ -196,8 +196,9 @@ def fit(points: np.ndarray, first: int, last: int, residual: float, significance
     significance, sharpest, lens
         See above.
     fits, row
-        (R, FIT_SIZE) float64, of which the row takes origin, A to D (in the image's axes, relative
-        to the origin), residual sum of squares, sum of weights, and variances of A and D.
+        (R, FIT_SIZE) float64, of which the row takes what :data:`FIT` names: origin, A to D (in
+        the image's axes, relative to the origin), residual sum of squares, sum of weights, and how
+        certain A and D are.
 
     Returns
     -------
@@ -212,20 +213,22 @@ def fit(points: np.ndarray, first: int, last: int, residual: float, significance
         return False
     ux, uy = ux / size, uy / size
     moments = _moments(points, first, last, ox, oy, ux, uy)
-    a, b, d, rss, var_a, var_d = _circle(moments, residual)
+    a, b, d, rss, lever_a, lever_d = _circle(moments, residual)
+    var_a = lever_a * CORRELATED * max(rss / max(moments[5] - 3.0, 1.0), NOISE_FLOOR ** 2)
     cx, cy = lens[1] - ox, lens[2] - oy
     usual = lens[0] * at_centre(lens[0], cx * ux + cy * uy, cy * ux - cx * uy, b, 1.0, d)
     norm = math.sqrt(max(b * b + 1.0 - 4.0 * a * d, 1e-12))
-    if not ((a - usual) ** 2 > significance ** 2 * var_a and 2 * abs(a) <= sharpest * norm):
-        var_a = var_a if var_a >= 0 else 0.0
-        a, b, d, rss, var_a, var_d = _bent(moments, residual, usual, var_a)
+    bent = (a - usual) ** 2 > significance ** 2 * var_a and 2 * abs(a) <= sharpest * norm
+    if not bent:
+        var_a, lever_a = (var_a, lever_a) if var_a >= 0 else (0.0, 0.0)
+        a, b, d, rss, lever_a, lever_d = _straight(moments, residual, usual, lever_a)
         norm = math.sqrt(max(b * b + 1.0 - 4.0 * a * d, 1e-12))
-        if not (var_d >= 0 and 2 * abs(a) <= sharpest * norm):
+        if not (lever_d >= 0 and 2 * abs(a) <= sharpest * norm):
             return False
     fits[row, 0], fits[row, 1], fits[row, 2] = ox, oy, a / norm
     fits[row, 3], fits[row, 4] = (b * ux - uy) / norm, (b * uy + ux) / norm
     fits[row, 5], fits[row, 6], fits[row, 7] = d / norm, rss, moments[5]
-    fits[row, 8], fits[row, 9] = var_a, var_d
+    fits[row, 8], fits[row, 9], fits[row, 10], fits[row, 11] = var_a, lever_a, lever_d, bent
     return True
 
 

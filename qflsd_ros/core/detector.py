@@ -9,11 +9,11 @@ from qflsd_ros.core import paper
 from qflsd_ros.core.arcs import Arcs
 from qflsd_ros.core.circle import FIT_SIZE, NO_LENS
 from qflsd_ros.core.detection import (
-    assembly, chains, edges, extraction, joining, noise, thresholds)
+    assembly, chains, edges, extraction, joining, noise, refinement, thresholds)
 from qflsd_ros.core.detection.validation import Evidence
 from qflsd_ros.core.lens.division import DivisionModel
 from qflsd_ros.core.parameters import Parameters
-from qflsd_ros.core.region import Region, region
+from qflsd_ros.core.detection.region import Region, region
 
 SHORTEST = 8                # edge points of the shortest piece of an arc in an image without noise
 # Shortest piece from which an arc is made, px for each edge point of the shortest piece (tuned on
@@ -93,8 +93,10 @@ class Detector:
         blur_sigma = noise.blur(self.parameters.blur_sigma, grain)
         grain = noise.of_gradient(grain, blur_sigma)
         count, clear = self._find_chains(gray, where, blur_sigma, grain, shortest)
-        return self._assemble(self._extract(count, shortest, lens), where, shortest, grain, clear,
-                              lens)
+        pieces = self._extract(count, shortest, lens)
+        evidence = Evidence(self._memory.points, self._memory.dx, self._memory.dy, clear, grain,
+                            where, blur_sigma)
+        return self._assemble(pieces, shortest, evidence, lens)
 
     def _find_chains(self, gray: np.ndarray, where: Region, blur_sigma: float, grain: float,
                      shortest: int) -> tuple[int, float]:
@@ -127,17 +129,19 @@ class Detector:
         return joining.describe(memory.points, memory.runs[:count], memory.fits[:count],
                                 memory.joining)
 
-    def _assemble(self, pieces: joining.Pieces, where: Region, shortest: int, grain: float,
-                  clear: float, lens: DivisionModel | None) -> Arcs:
+    def _assemble(self, pieces: joining.Pieces, shortest: int, evidence: Evidence,
+                  lens: DivisionModel | None) -> Arcs:
         """Join the pieces and describe the arcs (Step 6)."""
         memory, parameters = self._memory, self.parameters
-        joined = joining.join(pieces, memory.joining, memory.dx, memory.dy, where,
+        joined = joining.join(pieces, memory.joining, memory.dx, memory.dy, evidence.region,
                               SEED * shortest, parameters.max_gap, parameters.tolerance,
                               SIGNIFICANCE, self._sharpest(), lens)
-        evidence = Evidence(memory.points, memory.dx, memory.dy, clear, grain, where)
-        return assembly.assemble(pieces, joined, evidence, memory.pixels, parameters.tolerance,
-                                 parameters.min_length, parameters.min_score,
-                                 parameters.min_distance)
+        found = assembly.assemble(pieces, joined, evidence, memory.pixels, parameters.tolerance,
+                                  parameters.min_length - refinement.SHIFT, parameters.min_score,
+                                  parameters.min_distance)
+        in_pixels = NO_LENS if lens is None else lens.in_pixels
+        return refinement.refine(found, evidence, parameters.tolerance, parameters.min_length,
+                                 self._sharpest(), in_pixels)
 
     def _sharpest(self) -> float:
         """

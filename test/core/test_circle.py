@@ -242,7 +242,8 @@ def test_what_is_short_is_bent_as_the_lens_says(lam, centre, seed):
     assert usual['A'] == 0 and abs(wanted(lens, fitted)) > 1e-4
     assert np.isclose(bend(fitted), wanted(lens, fitted), rtol=0.05)
     assert np.isclose(fitted['rss'], (off(fitted, points) ** 2).sum(), rtol=0.01)
-    assert fitted['var_D'] > 0 and fitted['var_A'] == usual['var_A']
+    assert fitted['lever_D'] > 0 and fitted['var_A'] == usual['var_A']
+    assert not usual['bent'] and not fitted['bent'] and fit(points)['bent']
 
 
 @pytest.mark.parametrize('lam', [-0.7, -0.25])

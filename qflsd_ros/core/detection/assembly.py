@@ -2,36 +2,45 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from qflsd_ros.core import circle
 from qflsd_ros.core.arcs import (
-    Arcs, COLUMNS, CONTRAST, CURVATURE, CURVATURE_STD, END, LENGTH, MIDDLE, OFFSET_STD, POLARITY,
-    RMS, SCORE, START, SUPPORT, TABLE)
+    BENT, COLUMNS, CONTRAST, CURVATURE, END, LENGTH, MIDDLE, POLARITY, RMS, SCORE, START, SUPPORT)
 from qflsd_ros.core.compilation import compiled, inlined
 from qflsd_ros.core.detection.extension import extended, FARTHEST
 from qflsd_ros.core.detection.joining import Joined, MOST_TURN, Pieces
 from qflsd_ros.core.detection.suppression import separate
 from qflsd_ros.core.detection.validation import (
     ALIGNED, closeness, Evidence, LOOKS, score, SIGNS, STEPS, STRONG, WEIGHT, witness, WITNESSES)
-from qflsd_ros.core.region import Region
+from qflsd_ros.core.detection.region import Region
 
 SAMPLED = 0.5           # px at most between the points of an arc that are compared with a mask
 
 
+class Found(NamedTuple):
+    """M arcs and the N edge points behind them."""
+
+    rows: np.ndarray        # (M, COLUMNS) float64, all but the standard deviations
+    points: np.ndarray      # (2, N) float64, px
+    pixels: np.ndarray      # (N, 2) int32, x and y
+    offsets: np.ndarray     # (M + 1,) int64
+
+
 @inlined
-def _geometry(fits: np.ndarray, arc: int, x0: float, y0: float, x1: float, y1: float,
-              rows: np.ndarray) -> None:
+def write_geometry(fits: np.ndarray, fit: int, x0: float, y0: float, x1: float, y1: float,
+                   rows: np.ndarray, arc: int) -> None:
     """Write where an arc is, which begins and ends at two points of a fitted curve."""
     cx, cy, mx, my = x1 - x0, y1 - y0, (x0 + x1) / 2, (y0 + y1) / 2
     chord = math.sqrt(cx * cx + cy * cy)
-    gx = 2 * fits[arc, 2] * (mx - fits[arc, 0]) + fits[arc, 3]
-    gy = 2 * fits[arc, 2] * (my - fits[arc, 1]) + fits[arc, 4]
+    gx = 2 * fits[fit, 2] * (mx - fits[fit, 0]) + fits[fit, 3]
+    gy = 2 * fits[fit, 2] * (my - fits[fit, 1]) + fits[fit, 4]
     # The curve bends towards -A times its gradient; travel turns positively where that lies to
     # the side of the normal (-cy, cx).
-    bend = 2 * abs(fits[arc, 2])
-    turn = 1.0 if fits[arc, 2] * (gy * cx - gx * cy) < 0 else -1.0
+    bend = 2 * abs(fits[fit, 2])
+    turn = 1.0 if fits[fit, 2] * (gy * cx - gx * cy) < 0 else -1.0
     half = math.asin(min(1.0, bend * chord / 2))
     sagitta = turn * chord / 2 * math.tan(half / 2)
     rows[arc, START], rows[arc, START + 1] = x0, y0
@@ -72,7 +81,7 @@ def _avoids(rows: np.ndarray, arc: int, allowed: np.ndarray) -> bool:
 
 
 @inlined
-def _inside(rows: np.ndarray, arc: int, where: Region) -> bool:
+def is_inside(rows: np.ndarray, arc: int, where: Region) -> bool:
     """Return whether an arc lies in the image, within half a pixel, and on no masked pixel."""
     height, width = where.allowed.shape
     for place in (START, MIDDLE, END):
@@ -91,9 +100,9 @@ def _extend(fits: np.ndarray, arc: int, evidence: Evidence, rows: np.ndarray) ->
     x1, y1 = rows[arc, END], rows[arc, END + 1]
     u0, v0 = extended(fits, arc, x0, y0, x1, y1, evidence)
     u1, v1 = extended(fits, arc, x1, y1, x0, y0, evidence)
-    _geometry(fits, arc, u0, v0, u1, v1, rows)
-    if not _inside(rows, arc, evidence.region):
-        _geometry(fits, arc, x0, y0, x1, y1, rows)
+    write_geometry(fits, arc, u0, v0, u1, v1, rows, arc)
+    if not is_inside(rows, arc, evidence.region):
+        write_geometry(fits, arc, x0, y0, x1, y1, rows, arc)
 
 
 @inlined
@@ -163,13 +172,12 @@ def _describe(ends: np.ndarray, evidence: Evidence, members: np.ndarray, begins:
         last = 2 * members[end - 1, 0] + 1 - members[end - 1, 1]
         x0, y0, _, _ = circle.foot(fits, arc, ends[first, 0], ends[first, 1])
         x1, y1, _, _ = circle.foot(fits, arc, ends[last, 0], ends[last, 1])
-        _geometry(fits, arc, x0, y0, x1, y1, rows)
+        write_geometry(fits, arc, x0, y0, x1, y1, rows, arc)
         rows[arc, RMS] = math.sqrt(fits[arc, 6] / fits[arc, 7])
         # The fit's count is a sum of quadrature weights: whole up to rounding.
         rows[arc, SUPPORT] = np.rint(fits[arc, 7])
-        rows[arc, CURVATURE_STD] = 2 * math.sqrt(fits[arc, 8])
-        rows[arc, OFFSET_STD] = math.sqrt(fits[arc, 9])
-        keep[arc] = _inside(rows, arc, evidence.region)
+        rows[arc, BENT] = fits[arc, 11]
+        keep[arc] = is_inside(rows, arc, evidence.region)
         # What is long enough before it is extended may wait until it is known to be no accident.
         extended[arc] = keep[arc] and rows[arc, LENGTH] < min_length
         if extended[arc]:
@@ -212,7 +220,7 @@ def _gather(runs: np.ndarray, members: np.ndarray, begins: np.ndarray, keep: np.
             for i in range(first, last + step, step):
                 y = pixels[i] // width
                 arc_pixels[n, 0], arc_pixels[n, 1] = pixels[i] - y * width, y
-                arc_points[n, 0], arc_points[n, 1] = points[0, i], points[1, i]
+                arc_points[0, n], arc_points[1, n] = points[0, i], points[1, i]
                 n += 1
         arcs += 1
         offsets[arcs] = n
@@ -220,8 +228,8 @@ def _gather(runs: np.ndarray, members: np.ndarray, begins: np.ndarray, keep: np.
 
 def assemble(pieces: Pieces, joined: Joined, evidence: Evidence, pixels: np.ndarray,
              tolerance: float, min_length: float, min_score: float,
-             min_distance: float) -> Arcs:
-    """Return the arcs that are long enough, no accident, and not beside a longer one."""
+             min_distance: float) -> Found:
+    """Find the arcs that are long enough, no accident, and not beside a longer one."""
     most = len(joined.fits)
     rows, (keep, extended) = np.zeros((most, COLUMNS)), np.empty((2, most), np.bool_)
     wanted, found = np.zeros(len(pieces.runs), np.bool_), np.empty((len(pieces.runs), WITNESSES))
@@ -235,14 +243,7 @@ def assemble(pieces: Pieces, joined: Joined, evidence: Evidence, pixels: np.ndar
     kept = rows[keep]
     count = int(kept[:, SUPPORT].sum())
     offsets = np.zeros(len(kept) + 1, np.int64)
-    arc_pixels, arc_points = np.empty((count, 2), np.int32), np.empty((count, 2))
+    arc_pixels, arc_points = np.empty((count, 2), np.int32), np.empty((2, count))
     _gather(pieces.runs, joined.members, joined.offsets, keep, pixels, shape[1], evidence.points,
             offsets, arc_pixels, arc_points)
-    return Arcs(_table(kept), arc_points, arc_pixels, offsets)
-
-
-def _table(rows: np.ndarray) -> np.ndarray:
-    """Return the rows as a table, in the same memory."""
-    table = rows.view(TABLE)[:, 0]
-    table['support'] = rows[:, SUPPORT]
-    return table
+    return Found(kept, arc_points, arc_pixels, offsets)

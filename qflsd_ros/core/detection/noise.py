@@ -18,7 +18,7 @@ import math
 import numpy as np
 
 from qflsd_ros.core.compilation import compiled, inlined
-from qflsd_ros.core.region import Region, region
+from qflsd_ros.core.detection.region import Region, region
 
 HEIGHT, WIDTH = 2, 32   # px, of a block: few rows, which lie far apart in memory
 ROWS, COLUMNS = 12, 16  # of blocks
@@ -34,6 +34,7 @@ MOST_BLUR = 2.0         # px; more noise than that blur is for is texture all ov
 BREAKING = 3.0          # grey levels of noise from which on it breaks edges up
 FEWEST = 5              # edge points of the shortest piece to look for, however much there is
 GAIN = math.sqrt(math.pi / 2) / 6       # standard deviation of white noise over mean response
+SOBEL_BLUR = 0.42       # px^2, variance of the Gaussian whose derivative is about Sobel's
 
 
 @inlined
@@ -113,9 +114,9 @@ def of_gradient(noise: float, blur_sigma: float) -> float:
     Return the noise of dx and dy in grey levels after a Gaussian blur.
 
     White noise through the derivative of a Gaussian of variance v has the variance 1 / (8 pi v^2);
-    Sobel's is about one of variance 0.42, and twice that of the grey levels for each pixel.
+    Sobel's is about one of variance SOBEL_BLUR, and twice that of the grey levels for each pixel.
     """
-    return 2 * noise / (math.sqrt(8 * math.pi) * (blur_sigma ** 2 + 0.42))
+    return 2 * noise / (math.sqrt(8 * math.pi) * (blur_sigma ** 2 + SOBEL_BLUR))
 
 
 def estimate(gray: np.ndarray, where: Region | None = None) -> float:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from qflsd_ros.core.compilation import compiled, inlined
-from qflsd_ros.core.region import Region, region
+from qflsd_ros.core.detection.region import Region, region
 
 LINES = 12              # looked at in each direction
 PIECES = 16             # of a line

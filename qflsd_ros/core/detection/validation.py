@@ -22,7 +22,7 @@ import numpy as np
 
 from qflsd_ros.core.compilation import compiled, inlined, summed
 from qflsd_ros.core.detection.edges import SOBEL_GAIN
-from qflsd_ros.core.region import Region
+from qflsd_ros.core.detection.region import Region
 
 SINE = math.sin(math.radians(11.25))
 NOISE_ALIGNED = 1.5                     # standard deviations of noise more
@@ -53,6 +53,7 @@ class Evidence(NamedTuple):
     clear: float            # how strong a gradient is that counts half, grey levels
     noise: float            # standard deviation of dx and dy, grey levels
     region: Region          # where arcs may be
+    blur: float             # standard deviation of the Gaussian before dx and dy, px
 
 
 @summed
@@ -119,7 +120,7 @@ def witness(evidence: Evidence, runs: np.ndarray, fits: np.ndarray, wanted: np.n
         (M, WITNESSES) float64, takes what is found.
 
     """
-    points, dx, dy, clear, noise, where = evidence
+    points, dx, dy, clear, noise, where, _ = evidence
     for i in range(len(runs)):
         if wanted[i]:
             first, last = runs[i, 0], runs[i, 1]

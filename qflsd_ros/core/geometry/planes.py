@@ -72,13 +72,16 @@ def _shapes(table: np.ndarray) -> np.ndarray:
     """
     Return how arcs may lie off across, along them: (M, S, 3) px, a standard deviation each.
 
-    These are shift, turn and bend, which are independent for points spread evenly.
+    These are shift, turn and bend, which are independent for points spread evenly over a length:
+    that of the fitted points, which ends before corners.  With the variance u of their mean, the
+    curvature that they tell has 720 u / length^4, the middle has 9 u / 4 where the curvature was
+    fitted, and u where it was known, so that nothing bends.
     """
-    length = table['length'][:, None]
-    along = length * np.linspace(-0.5, 0.5, SAMPLES)
-    # The middle of a fitted parabola has 9/4 of the variance of the points' mean.
-    mean = np.where(table['curvature'] == 0, 1, 2 / 3) * table['offset_std']
-    shift = np.broadcast_to(mean[:, None], along.shape)
-    turn = shift * np.sqrt(12) / length * along
-    bend = table['curvature_std'][:, None] * (along ** 2 / 2 - length ** 2 / 24)
-    return np.stack([shift, turn, bend], axis=-1)
+    bent, std = table['bent'] == 1, table['curvature_std']
+    shift = np.where(bent, 2 / 3, 1) * table['offset_std']
+    length = table['length'].copy()
+    np.sqrt(np.divide(np.sqrt(720) * shift, std, where=std > 0, out=length ** 2), out=length)
+    along = table['length'][:, None] * np.linspace(-0.5, 0.5, SAMPLES)
+    turn = (shift * np.sqrt(12) / length)[:, None] * along
+    bend = (bent * std)[:, None] * (along ** 2 / 2 - length[:, None] ** 2 / 24)
+    return np.stack([np.broadcast_to(shift[:, None], along.shape), turn, bend], axis=-1)

@@ -53,12 +53,18 @@ def overlay_image(header: Header, gray: np.ndarray, arcs: Arcs, line_width: int)
 
 
 def cloud(header: Header, table: np.ndarray) -> PointCloud2:
-    """Return a structured array as a point cloud of one row, a field for every column."""
+    """
+    Return a structured array as a point cloud of one row, a field for every column.
+
+    It is dense unless a value is nan or infinite.
+    """
+    dense = all(np.isfinite(table[name]).all() for name in table.dtype.names)
     fields = [PointField(name=name, offset=offset, datatype=DATATYPES[kind.str[1:]], count=1)
               for name, (kind, offset) in table.dtype.fields.items()]
     return PointCloud2(
         header=header, height=1, width=len(table), fields=fields, is_bigendian=False,
-        point_step=table.dtype.itemsize, row_step=table.nbytes, data=_bytes(table), is_dense=True)
+        point_step=table.dtype.itemsize, row_step=table.nbytes, data=_bytes(table),
+        is_dense=dense)
 
 
 def records(message: PointCloud2) -> np.ndarray:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from qflsd_ros.core import circle, DivisionModel
 from qflsd_ros.core.detection import extraction, joining
-from qflsd_ros.core.region import region
+from qflsd_ros.core.detection.region import region
 from rendering import (
     both, disk, half_plane, off_circle, off_line, polygon, render, through_lens)
 

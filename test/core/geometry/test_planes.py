@@ -1,12 +1,16 @@
 """Planes through the optical centre, against edges in space and against repeated noise."""
 from __future__ import annotations
 
+from collections.abc import Iterator
+
+from finding import find
 import numpy as np
 import pytest
-from qflsd_ros.core import Arcs
+from qflsd_ros.core import Arcs, DivisionModel
 from qflsd_ros.core.arcs import TABLE
 from qflsd_ros.core.geometry.planes import planes
 from qflsd_ros.core.lens.camera_model import Lens
+from rendering import polygon, render, through_lens
 
 MATRIX = np.array([[400.0, 0, 320], [0, 400, 240], [0, 0, 1]])
 STRAIGHT = Lens('plumb_bob', MATRIX, np.zeros(5))
@@ -92,10 +96,9 @@ def test_covariance_is_that_of_repeated_noise(lens, bow):
     arcs = through(pixels.mean(0, keepdims=True))
     inverse = np.linalg.inv(basis @ basis.T) * sigma ** 2
     arcs.table['offset_std'] = np.sqrt(inverse[0, 0])
-    if bow:
-        arcs.table['curvature_std'] = 2 * np.sqrt(inverse[2, 2])
-    else:
-        arcs.table['curvature'] = 0
+    free = np.stack([np.ones(count), along, along ** 2])
+    arcs.table['curvature_std'] = 2 * sigma * np.sqrt(np.linalg.inv(free @ free.T)[2, 2])
+    arcs.table['bent'] = bow > 0
     covariance, = planes(arcs, lens).covariances
     seen = np.cov(normals.T)
     assert np.abs(covariance - seen).max() < 0.12 * np.abs(seen).max()
@@ -111,3 +114,56 @@ def test_arcs_that_the_lens_cannot_show_have_no_plane():
     found = planes(through(np.array([outside, inside])), lens)
     assert found.arcs.tolist() == [1]
     assert len(planes(Arcs.empty(), lens).normals) == 0
+
+
+class DivisionLens:
+    """A lens that follows the division model exactly, its focal length half the diagonal."""
+
+    def __init__(self, model: DivisionModel) -> None:
+        self.model = model
+
+    def rays(self, points: np.ndarray) -> np.ndarray:
+        plane = (self.model.undistort(points) - self.model.origin) / self.model.half_diagonal
+        rays = np.concatenate([plane, np.ones((*plane.shape[:-1], 1))], axis=-1)
+        return rays / np.linalg.norm(rays, axis=-1, keepdims=True)
+
+
+TURNS = 5
+
+
+def scenes(lens: DivisionLens, length: float) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Return images of bars, and the normal of the plane of one of their sides."""
+    model = lens.model
+    for turn in np.random.default_rng(0).uniform(0, 2 * np.pi, TURNS):
+        along = np.array([np.cos(turn), np.sin(turn)])
+        across = np.array([-along[1], along[0]])
+        corners = [model.origin + (20 + side) * across + end * length / 2 * along
+                   for side, end in ((0, -1), (0, 1), (40, 1), (40, -1))]
+        region = polygon([tuple(corner) for corner in corners])
+        normal = np.cross(*lens.rays(model.distort(np.array(corners[:2]))))
+        yield (render(model.shape, through_lens(region, model), blur=0.6),
+               normal / np.linalg.norm(normal))
+
+
+def normalised_errors(lam: float, known: bool, noise: float, length: float,
+                      count: int) -> list[float]:
+    """Return e' C^+ e / 2 of normals, of ``count`` images for each turn of a bar."""
+    lens, errors = DivisionLens(DivisionModel(lam, (int(length) + 100,) * 2)), []
+    for gray, wanted in scenes(lens, length):
+        for seed in range(count):
+            noisy = gray + np.random.default_rng(seed).normal(0, noise, gray.shape)
+            arcs = find(noisy.round().astype(np.uint8), lens.model if known else None)
+            found = planes(arcs, lens)
+            off = found.normals - wanted
+            nearest = np.argmin(np.linalg.norm(off, axis=1))
+            inverse = np.linalg.pinv(found.covariances[nearest], rcond=1e-6, hermitian=True)
+            errors.append(off[nearest] @ inverse @ off[nearest] / 2)
+    return errors
+
+
+@pytest.mark.parametrize('noise', [1.0, 2.0, 5.0])
+@pytest.mark.parametrize('lam, known', [(0.0, False), (-0.3, False), (-0.3, True)])
+def test_covariance_is_that_of_the_errors(lam, known, noise):
+    errors = [np.mean(normalised_errors(lam, known, noise, length, 20))
+              for length in (40.0, 100.0, 300.0)]
+    assert 0.8 < np.mean(errors) < 1.25

@@ -99,6 +99,16 @@ def test_records_read_any_byte_order() -> None:
     assert clouds.records(message).tolist() == found.tolist()
 
 
+def test_a_cloud_is_dense_where_every_value_is_finite() -> None:
+    arcs = circle_arcs(3)
+    known = with_straightness(arcs, None)
+    assert not outputs.arc_records(HEADER, known).is_dense
+    known.table['straight'] = 0.5
+    assert outputs.arc_records(HEADER, known).is_dense
+    assert outputs.segments(HEADER, arcs, 0.2).is_dense
+    assert outputs.arc_records(HEADER, with_straightness(Arcs.empty(), None)).is_dense
+
+
 def test_plane_records_hold_normal_covariance_and_arc() -> None:
     random = np.random.default_rng(0)
     matrices = random.normal(size=(4, 3, 3))

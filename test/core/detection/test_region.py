@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from qflsd_ros.core import Arcs, Detector, DivisionModel, Parameters
 from qflsd_ros.core.detection import noise, thresholds
-from qflsd_ros.core.region import MARGIN, region
+from qflsd_ros.core.detection.region import MARGIN, region
 from qflsd_ros.ros.input.region import reduced, view
 from qflsd_ros.ros.parameters.node_parameters import NodeParameters
 from rendering import half_plane, off_line, render
