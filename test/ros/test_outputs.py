@@ -11,6 +11,7 @@ from numpy.lib.recfunctions import repack_fields
 import pytest
 from qflsd_ros import overlay, rows
 from qflsd_ros.core.arcs import Arcs, TABLE
+from qflsd_ros.core.estimation import with_straightness
 from qflsd_ros.core.planes import Planes
 from qflsd_ros.ros import outputs, palette
 from qflsd_ros.ros.markers import markers
