@@ -18,7 +18,7 @@ TABLE = np.dtype([
     ('score', np.float64),          # -log10 of the number of false alarms (see validation)
     ('contrast', np.float64),       # grey levels, mean step across the arc
     ('polarity', np.float64),       # share of points with the brighter side right, less left: >= 0
-    ('bent', np.int64),             # 1 where the curvature is fitted, 0 where it is a straight edge's
+    ('bent', np.int64),             # 1 where the curvature is fitted, 0 for the image of a line
 ])
 
 # The same as columns of one float64 array in which kernels fill it, x and y one after the other.

@@ -2,8 +2,8 @@
 The last look at arcs: fitted anew without their ends, with standard deviations.
 
 Where an edge ends at a corner, blur rounds it: the strongest gradient leaves the edge by
-1.25 s (phi(y / s) / Phi(y / s))^2 at the distance y from the corner, for a total blur s of lens and
-detector, which is less than s / 250 from 2 s on.  Those points are left out.
+1.25 s (phi(y / s) / Phi(y / s))^2 at the distance y from the corner, for a total blur s of lens
+and detector, which is less than s / 250 from 2 s on.  Those points are left out.
 
 Noise moves the strongest gradient across a blurred step by its own derivative over the second
 derivative of the gradient.  For white noise whose gradient has the standard deviation g after a
@@ -32,10 +32,11 @@ from qflsd_ros.core.detection.region import Region
 CORNER = 2.0            # standard deviations of the blur that are left out at an end (see above)
 # Points at the ends that are off the rest by less than so many times its own rms are none of a
 # corner, and tell more than they mislead: left out on photographs, one long line of 500 is lost.
-OFF = 2.5
+OFF = 1.7
 LEAST_POINTS = 8        # that remain: as many as the shortest piece has
 SHIFT = 0.25            # px by which an arc's length may change; more belongs to no rounded corner
 MOST_BLUR = 6.0         # px, total; chains of what is blurred more wander by more than it says
+FARTHEST = 3            # px from the edge: parallel edges are often not much farther
 EVERY = 4               # edge points from one at which the blur is measured to the next
 ROUNDING = 0.35         # grey levels: that of the image and, blurred, of the detector, as noise
 GRID = 0.01             # px, what the grid of pixels leaves of a step without noise or blur
@@ -52,25 +53,38 @@ def _magnitude(dx: np.ndarray, dy: np.ndarray, row: int, column: int) -> float:
 
 
 @inlined
-def _blur(pixels: np.ndarray, first: int, last: int, evidence: Evidence) -> float:
+def _blur_within(pixels: np.ndarray, first: int, last: int, evidence: Evidence,
+                 step: int) -> float:
     """
     Return the total blur of an edge, of lens and detector, px.
 
     A Gaussian falls by exp(-n^2 / 2 s^2), in the geometric mean of both sides, from a
-    pixel to the next along x or y, which is n px across the edge.
+    pixel to that ``step`` px along x or y, which is n px across the edge.
     """
+    height, width = evidence.dx.shape
     beside = at = slant = 0.0
     for i in range(first, last + 1, EVERY):
         x, y = pixels[i, 0], pixels[i, 1]
+        if not (step <= x < width - step and step <= y < height - step):
+            continue
         gx, gy = float(evidence.dx[y, x]), float(evidence.dy[y, x])
-        u, v = (1, 0) if abs(gx) >= abs(gy) else (0, 1)
+        u, v = (step, 0) if abs(gx) >= abs(gy) else (0, step)
         here = math.sqrt(gx * gx + gy * gy)
         beside += min(here, math.sqrt(_magnitude(evidence.dx, evidence.dy, y - v, x - u)
                                       * _magnitude(evidence.dx, evidence.dy, y + v, x + u)))
         at += here
-        slant += max(gx * gx, gy * gy) / here
-    fall = -2 * math.log(beside / at) if beside > 0 else np.inf
+        slant += step * step * max(gx * gx, gy * gy) / here
+    fall = -2 * math.log(beside / at) if 0 < beside < at else 0.0
     return min(math.sqrt(slant / at / fall), MOST_BLUR) if fall > 0 else MOST_BLUR
+
+
+@inlined
+def _blur(pixels: np.ndarray, first: int, last: int, evidence: Evidence) -> float:
+    """Return the total blur of an edge, px, as seen within about that distance of it."""
+    blur = _blur_within(pixels, first, last, evidence, 1)
+    step = min(int(blur), FARTHEST)
+    # Noise moves maxima to where it is largest itself: close by, wide edges look sharp.
+    return _blur_within(pixels, first, last, evidence, step) if step > 1 else blur
 
 
 @inlined
@@ -121,7 +135,7 @@ def _squares(points: np.ndarray, first: int, end: int, fits: np.ndarray) -> floa
 def _move(rows: np.ndarray, arc: int, points: np.ndarray, first: int, lo: int, hi: int,
           last: int, fits: np.ndarray, tolerance: float, where: Region,
           moved: np.ndarray) -> bool:
-    """Let an arc lie on a fit to its inner points if it ends at corners; return whether it does."""
+    """Let an arc lie on a fit to its inner points if it ends at corners; return if it does."""
     inner = _squares(points, lo, hi + 1, fits)
     outer = _squares(points, first, lo, fits) + _squares(points, hi + 1, last + 1, fits)
     count, out = last - first + 1, last - first - (hi - lo)
@@ -157,7 +171,8 @@ def _refine(rows: np.ndarray, points: np.ndarray, pixels: np.ndarray, offsets: n
             # The arc has been fitted with its limit of curvature: only deviations are asked for.
             circle.fit(points, lo, hi, 0.0, significance, np.inf, lens, fits, 0)
         count = hi - lo + 1
-        together = math.sqrt(4 * math.pi) * least * min(1.0, (last - first + 1) / rows[arc, LENGTH])
+        dense = min(1.0, (last - first + 1) / rows[arc, LENGTH])
+        together = math.sqrt(4 * math.pi) * least * dense
         block = max(1, int(BLOCK * together + 0.5))
         own = max(0.0, count / block - CURVE)
         variance = (EXPECTED * _expected(rows, arc, blur, grain, least, together)

@@ -17,7 +17,7 @@ def bar(middle: np.ndarray, turn: float, length: float, radius: float) -> Region
     across = np.array([-along[1], along[0]])
     corners = [middle - along * length / 2, middle + along * length / 2]
     if radius:      # whose arc then cuts this side off
-        corners = [corner - length ** 2 / radius * across for corner in corners]
+        corners = [corner - 10 * across for corner in corners]
     corners += [corner + WIDE * across for corner in corners[::-1]]
     region = polygon([tuple(corner) for corner in corners])
     if not radius:

@@ -12,6 +12,7 @@ import pytest
 from qflsd_ros import overlay, records
 from qflsd_ros.core.arcs import Arcs, TABLE
 from qflsd_ros.core.geometry.planes import Planes
+from qflsd_ros.core.lens.estimation import with_straightness
 from qflsd_ros.ros.output import clouds, palette
 from qflsd_ros.ros.output.markers import markers
 from rclpy.serialization import deserialize_message, serialize_message
@@ -102,11 +103,11 @@ def test_records_read_any_byte_order() -> None:
 def test_a_cloud_is_dense_where_every_value_is_finite() -> None:
     arcs = circle_arcs(3)
     known = with_straightness(arcs, None)
-    assert not outputs.arc_records(HEADER, known).is_dense
+    assert not clouds.arc_records(HEADER, known).is_dense
     known.table['straight'] = 0.5
-    assert outputs.arc_records(HEADER, known).is_dense
-    assert outputs.segments(HEADER, arcs, 0.2).is_dense
-    assert outputs.arc_records(HEADER, with_straightness(Arcs.empty(), None)).is_dense
+    assert clouds.arc_records(HEADER, known).is_dense
+    assert clouds.segments(HEADER, arcs, 0.2).is_dense
+    assert clouds.arc_records(HEADER, with_straightness(Arcs.empty(), None)).is_dense
 
 
 def test_plane_records_hold_normal_covariance_and_arc() -> None:
