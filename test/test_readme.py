@@ -17,7 +17,7 @@ from qflsd_ros.ros.diagnostics import Statistics
 from qflsd_ros.ros.input.images import LAYOUTS
 from qflsd_ros.ros.lens import CameraLens
 from qflsd_ros.ros.output import camera_info, clouds
-from qflsd_ros.ros.parameters.node_parameters import NodeParameters
+from qflsd_ros.ros.parameters.node_parameters import Settings
 from qflsd_ros.sources import Scene
 import rclpy
 from rclpy.context import Context
@@ -89,7 +89,7 @@ def test_every_key_of_diagnostics_is_listed() -> None:
 
 def test_every_key_of_the_lens_is_listed() -> None:
     gray = Scene(640, 480, lam=-0.4).image(400)
-    camera, settings = CameraLens(), NodeParameters()
+    camera, settings = CameraLens(), Settings()
     camera.follow(Detector().detect(gray), gray.shape, settings)
     table = re.search(r'<!-- keys of lens -->\n((\|.*\n)+)', README)[1]
     assert first_column(table) == list(camera.values(settings))

@@ -3,7 +3,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from qflsd_ros.ros.camera import CameraParameters
+from qflsd_ros.ros.camera import CameraSettings
 from qflsd_ros.ros.detector import OUTPUTS
 import yaml
 
@@ -13,7 +13,7 @@ MANAGER = yaml.safe_load(FILE.read_text())['Visualization Manager']
 
 def test_its_frame_is_that_of_the_camera() -> None:
     """In any other frame, markers need a transform that nobody publishes."""
-    assert MANAGER['Global Options']['Fixed Frame'] == CameraParameters().frame_id
+    assert MANAGER['Global Options']['Fixed Frame'] == CameraSettings().frame_id
 
 
 def test_its_topics_are_published_as_the_types_that_it_shows() -> None:

@@ -33,7 +33,7 @@ LOG_PERIOD = 5.0  # s between two warnings of that
 
 
 @dataclass(frozen=True)
-class CameraParameters:
+class CameraSettings:
     """
     What a user can set of the camera, at start.
 
@@ -99,7 +99,7 @@ class CameraNode(Node):
 
     def __init__(self) -> None:
         super().__init__('camera')
-        declaration.attach(self, (CameraParameters,), self._apply)
+        declaration.attach(self, (CameraSettings,), self._apply)
         declaration.warn_of_unknown(self)
         self._publisher = self.create_publisher(
             Image, 'image', QoSProfile(depth=5, reliability=ReliabilityPolicy.RELIABLE),
@@ -126,7 +126,7 @@ class CameraNode(Node):
             self._publisher.publish(self._message(frame))
         self._publisher.wait_for_all_acked(Duration(seconds=1))
 
-    def _apply(self, settings: CameraParameters) -> None:
+    def _apply(self, settings: CameraSettings) -> None:
         self._settings = settings
 
     def _await_listener(self, executor: Executor) -> None:
@@ -171,7 +171,7 @@ class CameraNode(Node):
         return message
 
 
-def open_camera(settings: CameraParameters, report: Callable[[str], None]) -> Source:
+def open_camera(settings: CameraSettings, report: Callable[[str], None]) -> Source:
     """Open the source that is set; raises :class:`SourceError`."""
     colour = settings.encoding == 'bgr8'
     if settings.source == SYNTHETIC:

@@ -32,7 +32,7 @@ from qflsd_ros.ros.output import camera_info, clouds
 from qflsd_ros.ros.output.markers import markers
 from qflsd_ros.ros.parameters import declaration
 from qflsd_ros.ros.parameters.declaration import ParameterError
-from qflsd_ros.ros.parameters.node_parameters import check_together, NodeParameters
+from qflsd_ros.ros.parameters.node_parameters import check_together, Settings
 from qflsd_ros.ros.run import run
 from qflsd_ros.sources.frames import FrameError, SourceError
 from qflsd_ros.sources.reasons import Reason
@@ -68,7 +68,7 @@ class Result(NamedTuple):
     header: Header
     gray: np.ndarray
     arcs: Arcs
-    settings: NodeParameters
+    settings: Settings
     lens: DivisionModel | None
 
 
@@ -147,7 +147,7 @@ class DetectorNode(Node):
 
     def __init__(self) -> None:
         super().__init__('detector')
-        declaration.attach(self, (Parameters, NodeParameters), self._apply, check_together)
+        declaration.attach(self, (Parameters, Settings), self._apply, check_together)
         self._read_mask()
         self._statistics = Statistics()
         self._last_log: dict[str, float] = {}
@@ -207,7 +207,7 @@ class DetectorNode(Node):
     def _transport(self) -> Transport:
         return TRANSPORTS[self._active[1].image_transport]
 
-    def _apply(self, detector: Parameters, settings: NodeParameters) -> None:
+    def _apply(self, detector: Parameters, settings: Settings) -> None:
         # One assignment: the detection thread never sees half a change.
         self._active = Detector(detector), settings
 

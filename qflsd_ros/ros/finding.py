@@ -6,10 +6,10 @@ from qflsd_ros.core import Arcs, Detector
 from qflsd_ros.core.lens.division import DivisionModel
 from qflsd_ros.ros.input.region import reduced, view
 from qflsd_ros.ros.lens import CameraLens
-from qflsd_ros.ros.parameters.node_parameters import NodeParameters
+from qflsd_ros.ros.parameters.node_parameters import Settings
 
 
-def find(gray: np.ndarray, detector: Detector, settings: NodeParameters,
+def find(gray: np.ndarray, detector: Detector, settings: Settings,
          lens: CameraLens) -> tuple[Arcs, DivisionModel | None]:
     """
     Find the arcs of the next frame with the lens that is known before it.

@@ -8,7 +8,7 @@ from qflsd_ros.core.lens.conversion import Calibration, calibration
 from qflsd_ros.core.lens.division import DivisionModel
 from qflsd_ros.core.lens.estimation import LensEstimate
 from qflsd_ros.core.lens.tracker import LensTracker
-from qflsd_ros.ros.parameters.node_parameters import NodeParameters
+from qflsd_ros.ros.parameters.node_parameters import Settings
 from qflsd_ros.sources.frames import FrameError
 from qflsd_ros.sources.reasons import Reason
 
@@ -32,7 +32,7 @@ class CameraLens:
         self._tracker = LensTracker()
         self._model: DivisionModel | None = None
 
-    def known(self, shape: tuple[int, int], settings: NodeParameters) -> DivisionModel | None:
+    def known(self, shape: tuple[int, int], settings: Settings) -> DivisionModel | None:
         """Return the lens of images of a shape by what came so far, None where that is nothing."""
         estimate = self._tracking(settings).estimate
         if settings.lens == 'fixed':
@@ -40,25 +40,25 @@ class CameraLens:
         return estimate.model if estimate and estimate.model.shape == shape else None
 
     def follow(self, arcs: Arcs, shape: tuple[int, int],
-               settings: NodeParameters) -> DivisionModel | None:
+               settings: Settings) -> DivisionModel | None:
         """Take in the arcs of the next frame; return what is known of the lens with them."""
         if settings.lens == 'estimate':
             self._tracking(settings).add(arcs, shape)
         self._model = self.known(shape, settings)
         return self._model
 
-    def estimate(self, settings: NodeParameters) -> LensEstimate | None:
+    def estimate(self, settings: Settings) -> LensEstimate | None:
         """Return the estimate by the frames so far; None where there is none, or none is asked."""
         return self._tracking(settings).estimate if settings.lens == 'estimate' else None
 
-    def _tracking(self, settings: NodeParameters) -> LensTracker:
+    def _tracking(self, settings: Settings) -> LensTracker:
         """Return the tracker, which begins anew when something else is asked for."""
         asked = settings.lens, settings.lens_find_centre
         if asked != self._asked:
             self._asked, self._tracker = asked, LensTracker(settings.lens_find_centre)
         return self._tracker
 
-    def values(self, settings: NodeParameters) -> dict[str, str]:
+    def values(self, settings: Settings) -> dict[str, str]:
         """Return what there is to say of the lens, for diagnostics."""
         model, tracker = self._model, self._tracker
         values = {'lens': settings.lens}
@@ -83,7 +83,7 @@ def _estimated(estimate: LensEstimate, outliers: int) -> dict[str, str]:
             'lens outlier frames': str(outliers)}
 
 
-def fixed(settings: NodeParameters, shape: tuple[int, int]) -> DivisionModel:
+def fixed(settings: Settings, shape: tuple[int, int]) -> DivisionModel:
     """Return the lens that parameters fix, for images of a shape (height, width)."""
     x, y = DivisionModel(0.0, shape).origin.tolist()
     return DivisionModel(settings.lens_lambda, shape,
@@ -96,7 +96,7 @@ def described(model: DivisionModel, focal_length: float) -> Calibration:
     return calibration(model, focal_length)
 
 
-def required(model: DivisionModel | None, settings: NodeParameters) -> DivisionModel:
+def required(model: DivisionModel | None, settings: Settings) -> DivisionModel:
     """Return the lens; LensError where it is not known."""
     if model is None:
         raise LensError(Reason.NO_LENS, UNKNOWN[settings.lens])

@@ -11,7 +11,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 import numpy as np
 from qflsd_ros.core import Detector
 from qflsd_ros.ros.output import clouds
-from qflsd_ros.ros.parameters.node_parameters import NodeParameters
+from qflsd_ros.ros.parameters.node_parameters import Settings
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter as RosParameter
 from rclpy.qos import qos_profile_sensor_data, QoSProfile
@@ -38,7 +38,7 @@ def scene() -> np.ndarray:
 
 SCENE = scene()
 BLACK = np.zeros_like(SCENE)
-EXPECTED = Detector().detect(SCENE).polylines(NodeParameters().polyline_tolerance)
+EXPECTED = Detector().detect(SCENE).polylines(Settings().polyline_tolerance)
 
 
 def image(pixels: np.ndarray, encoding: str = 'mono8', **changes: Any) -> Image:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 import pytest
-from qflsd_ros.ros.camera import CameraParameters
+from qflsd_ros.ros.camera import CameraSettings
 from qflsd_ros.ros.parameters.declaration import yaml_text
 from qflsd_ros.sources import Scene
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -62,7 +62,7 @@ def write_bag(path: Path, storage: StoragePlugin, count: int) -> str:
 
 
 def test_yaml_lists_every_parameter_with_its_default():
-    text = yaml_text((CameraParameters,)).replace('detector', 'camera')
+    text = yaml_text((CameraSettings,)).replace('detector', 'camera')
     assert (ROOT / 'config' / 'camera.yaml').read_text() == text
 
 

@@ -16,7 +16,7 @@ import pytest
 from qflsd_ros import overlay
 from qflsd_ros.core import Detector, Parameters
 from qflsd_ros.ros.output import clouds, palette
-from qflsd_ros.ros.parameters.declaration import NodeParameters
+from qflsd_ros.ros.parameters.declaration import Settings
 from rcl_interfaces.msg import Parameter as ParameterMsg
 from rcl_interfaces.srv import (
     GetParameters, ListParameters, SetParameters, SetParametersAtomically)
@@ -68,7 +68,7 @@ def test_every_output_shows_the_same_arcs(rig: Rig) -> None:
     marker, = rig.detect(image(SCENE), 'markers').markers
     assert len(marker.points) == 2 * sum(len(line) - 1 for line in EXPECTED)
     picture = rig.detect(image(SCENE), 'overlay')
-    expected = overlay.draw(SCENE, arcs, NodeParameters().line_width)
+    expected = overlay.draw(SCENE, arcs, Settings().line_width)
     assert picture.encoding == 'bgr8' and bytes(picture.data) == expected.tobytes()
 
 
@@ -175,7 +175,7 @@ def test_a_dump_of_all_parameters_loads_back(rig: Rig, peer: Peer) -> None:
     assert rig.change(line_width=7, hardware_id='left')[0].successful
     dumped = parameters_of(rig.peer)
     assert rig.change(line_width=2, hardware_id='')[0].successful
-    assert {field.name for kind in (Parameters, NodeParameters) for field in fields(kind)} \
+    assert {field.name for kind in (Parameters, Settings) for field in fields(kind)} \
         <= set(dumped)
     assert {name for name in dumped if name.startswith('qos_overrides./image.subscription.')}
     file = peer.folder / 'dump.yaml'

@@ -20,7 +20,7 @@ from qflsd_ros.ros.input.region import view
 from qflsd_ros.ros.output import camera_info
 from qflsd_ros.ros.output.camera_info import CalibrationError
 from qflsd_ros.ros.parameters import declaration
-from qflsd_ros.ros.parameters.node_parameters import check_together, NodeParameters
+from qflsd_ros.ros.parameters.node_parameters import check_together, Settings
 from qflsd_ros.ros.parameters.origin import origin
 from qflsd_ros.sources.frames import FrameError
 import rclpy
@@ -34,7 +34,7 @@ import yaml
 if TYPE_CHECKING:
     from conftest import Peer
 
-KINDS = (Parameters, NodeParameters)
+KINDS = (Parameters, Settings)
 NAMES = [field.name for kind in KINDS for field in fields(kind)]
 FLOATS = [field.name for kind in KINDS for field in fields(kind)
           if isinstance(field.default, float)]
@@ -126,7 +126,7 @@ def test_images_over_dds(rig: Rig) -> None:
 def test_images_and_regions(message: Image, white: float, x: int, size: int, width: int) -> None:
     try:
         gray = read_image(message, white)
-        mask = view(NodeParameters(roi_x=x, roi_height=size, max_width=width), *gray.shape).mask
+        mask = view(Settings(roi_x=x, roi_height=size, max_width=width), *gray.shape).mask
     except FrameError as error:
         assert error.reason and '\n' not in str(error)
         return

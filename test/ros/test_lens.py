@@ -9,7 +9,7 @@ from qflsd_ros.core.lens.estimation import LensEstimate
 from qflsd_ros.core.lens.tracker import LensTracker
 from qflsd_ros.ros import lens
 from qflsd_ros.ros.output.camera_info import camera_info
-from qflsd_ros.ros.parameters.node_parameters import NodeParameters
+from qflsd_ros.ros.parameters.node_parameters import Settings
 from qflsd_ros.sources import Scene
 from std_msgs.msg import Header
 
@@ -19,9 +19,9 @@ ARCS = Detector().detect(Scene(640, 480, lam=-0.4).image(400))
 
 def test_off_and_fixed_take_no_notice_of_the_arcs():
     camera = lens.CameraLens()
-    assert camera.follow(ARCS, SHAPE, NodeParameters(lens='off')) is None
-    assert camera.values(NodeParameters(lens='off')) == {'lens': 'off'}
-    settings = NodeParameters(lens='fixed', lens_lambda=-0.7, lens_centre_y=250.0)
+    assert camera.follow(ARCS, SHAPE, Settings(lens='off')) is None
+    assert camera.values(Settings(lens='off')) == {'lens': 'off'}
+    settings = Settings(lens='fixed', lens_lambda=-0.7, lens_centre_y=250.0)
     model = camera.follow(Arcs.empty(), SHAPE, settings)
     assert model == DivisionModel(-0.7, SHAPE, (319.5, 250.0))
     values = camera.values(settings)
@@ -34,7 +34,7 @@ def test_off_and_fixed_take_no_notice_of_the_arcs():
 
 
 def test_estimate_follows_the_frames_and_begins_anew_when_asked():
-    camera, settings = lens.CameraLens(), NodeParameters(lens='estimate')
+    camera, settings = lens.CameraLens(), Settings(lens='estimate')
     assert camera.follow(Arcs.empty(), SHAPE, settings) is None
     assert camera.values(settings) == {'lens': 'estimate'}
     model = camera.follow(ARCS, SHAPE, settings)
@@ -48,13 +48,13 @@ def test_estimate_follows_the_frames_and_begins_anew_when_asked():
     # What follows is the same lens until the estimate begins anew.
     assert camera.known(SHAPE, settings) == model
     assert camera.follow(Arcs.empty(), SHAPE, settings) == model
-    assert camera.follow(ARCS, SHAPE, NodeParameters(lens_find_centre=True)).centre is not None
-    assert camera.known(SHAPE, NodeParameters(lens='off')) is None
+    assert camera.follow(ARCS, SHAPE, Settings(lens_find_centre=True)).centre is not None
+    assert camera.known(SHAPE, Settings(lens='off')) is None
     assert camera.follow(Arcs.empty(), SHAPE, settings) is None
 
 
 def test_what_is_known_before_a_frame():
-    camera, settings = lens.CameraLens(), NodeParameters(lens='estimate')
+    camera, settings = lens.CameraLens(), Settings(lens='estimate')
     assert camera.known(SHAPE, settings) is None
     model = camera.follow(ARCS, SHAPE, settings)
     assert camera.known(SHAPE, settings) == model
@@ -63,7 +63,7 @@ def test_what_is_known_before_a_frame():
     assert camera.follow(ARCS.scaled(2), (960, 1280), settings).shape == (960, 1280)
     assert camera.known(SHAPE, settings) is None
     # What is fixed is known of images of any size, before the first one.
-    settings = NodeParameters(lens='fixed', lens_lambda=-0.7)
+    settings = Settings(lens='fixed', lens_lambda=-0.7)
     assert camera.known((3, 5), settings) == DivisionModel(-0.7, (3, 5), (2.0, 1.0))
 
 
@@ -80,8 +80,8 @@ def test_camera_info():
 
 
 @pytest.mark.parametrize('settings, text', [
-    (NodeParameters(lens='off'), 'parameter lens is off: must be estimate or fixed'),
-    (NodeParameters(lens='estimate'), 'the lens is not known yet')])
+    (Settings(lens='off'), 'parameter lens is off: must be estimate or fixed'),
+    (Settings(lens='estimate'), 'the lens is not known yet')])
 def test_a_lens_that_is_not_known(settings, text):
     with pytest.raises(lens.LensError, match=text) as error:
         lens.required(None, settings)
@@ -110,7 +110,7 @@ class Forgetful(LensTracker):
 def test_diagnostics_ask_while_the_lens_is_forgotten(monkeypatch):
     """An image of another size begins the estimate anew, in the midst of a report."""
     monkeypatch.setattr(lens, 'LensTracker', Forgetful)
-    camera, settings = lens.CameraLens(), NodeParameters(lens='estimate')
+    camera, settings = lens.CameraLens(), Settings(lens='estimate')
     assert camera.follow(ARCS, SHAPE, settings) is not None
     monkeypatch.setattr(Forgetful, 'forgets', True)
     assert 'lens lambda deviation' in camera.values(settings)

@@ -8,8 +8,8 @@ from typing import Iterator, TYPE_CHECKING
 from xml.etree import ElementTree
 
 import pytest
-from qflsd_ros.ros.camera import CameraParameters
-from qflsd_ros.ros.parameters.node_parameters import NodeParameters
+from qflsd_ros.ros.camera import CameraSettings
+from qflsd_ros.ros.parameters.node_parameters import Settings
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter as RosParameter
 from rig import Rig
@@ -57,7 +57,7 @@ def test_no_eval_no_pickle_no_shell() -> None:
 
 
 @pytest.mark.parametrize('kind, names', [
-    (NodeParameters, {'mask'}), (CameraParameters, {'source', 'topic'})])
+    (Settings, {'mask'}), (CameraSettings, {'source', 'topic'})])
 def test_what_names_files_is_read_only(kind: type, names: set[str]) -> None:
     read_only = {field.name for field in fields(kind) if field.metadata['read_only']}
     assert names <= read_only

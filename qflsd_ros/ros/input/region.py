@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from qflsd_ros.ros.parameters.node_parameters import NodeParameters
+from qflsd_ros.ros.parameters.node_parameters import Settings
 from qflsd_ros.sources.files import read_image
 from qflsd_ros.sources.frames import FrameError
 from qflsd_ros.sources.reasons import Reason
@@ -38,7 +38,7 @@ class View(NamedTuple):
 
 
 @lru_cache(maxsize=1)
-def view(settings: NodeParameters, height: int, width: int) -> View:
+def view(settings: Settings, height: int, width: int) -> View:
     """
     Return how to look at images of a size, in px.
 
@@ -89,7 +89,7 @@ def _fitting_mask(path: str, height: int, width: int) -> np.ndarray:
     return mask
 
 
-def _region(settings: NodeParameters, height: int, width: int) -> tuple[slice, slice]:
+def _region(settings: Settings, height: int, width: int) -> tuple[slice, slice]:
     x, y = settings.roi_x, settings.roi_y
     if x >= width or y >= height:
         raise ViewError(Reason.REGION_OUTSIDE,

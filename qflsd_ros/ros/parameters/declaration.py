@@ -12,7 +12,7 @@ import sys
 from typing import Any, Callable, Iterable, Mapping, Sequence, TypeVar
 
 from qflsd_ros.core.parameters import meant, Parameters
-from qflsd_ros.ros.parameters.node_parameters import NodeParameters
+from qflsd_ros.ros.parameters.node_parameters import Settings
 from qflsd_ros.ros.parameters.origin import unmatched
 from rcl_interfaces.msg import (
     FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult)
@@ -27,7 +27,7 @@ YAML_HEAD = """\
   ros__parameters:
 """
 
-Settings = TypeVar('Settings')
+Kind = TypeVar('Kind')
 
 
 class ParameterError(Exception):
@@ -118,7 +118,7 @@ def warn_of_unknown(node: Node) -> None:
             node.get_logger().warning(f'there is no parameter {name}, it is ignored{hint}')
 
 
-def yaml_text(kinds: Iterable[type] = (Parameters, NodeParameters)) -> str:
+def yaml_text(kinds: Iterable[type] = (Parameters, Settings)) -> str:
     """Return a parameter file that holds every field with its default, a comment line each."""
     return YAML_HEAD + ''.join(
         f'    # {field.metadata["description"]}{_bracketed(_allowed(field))}\n'
@@ -126,7 +126,7 @@ def yaml_text(kinds: Iterable[type] = (Parameters, NodeParameters)) -> str:
         for kind in kinds for field in dataclasses.fields(kind))
 
 
-def markdown_table(kinds: Iterable[type] = (Parameters, NodeParameters)) -> str:
+def markdown_table(kinds: Iterable[type] = (Parameters, Settings)) -> str:
     """Return a table of every field: name, default, range with unit, sentence."""
     rows = [
         f'| `{field.name}` | `{json.dumps(field.default)}` | {_allowed(field)} '
@@ -157,7 +157,7 @@ def _values(changes: Iterable[RosParameter]) -> dict[str, Any]:
     return {change.name: change.value for change in changes}
 
 
-def _replaced(current: Sequence[Settings], values: Mapping[str, Any]) -> list[Settings]:
+def _replaced(current: Sequence[Kind], values: Mapping[str, Any]) -> list[Kind]:
     return [dataclasses.replace(settings, **{
         field.name: values[field.name] for field in dataclasses.fields(settings)
         if field.name in values}) for settings in current]

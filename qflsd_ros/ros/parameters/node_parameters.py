@@ -11,7 +11,7 @@ LENSES = ('off', 'estimate', 'fixed')
 
 
 @dataclass(frozen=True)
-class NodeParameters:
+class Settings:
     """
     What a user can set of the node around the detector.
 
@@ -94,7 +94,7 @@ class NodeParameters:
         return bool(self.mask or self.roi_x or self.roi_y or self.roi_width or self.roi_height)
 
 
-def check_together(detector: Parameters, node: NodeParameters) -> None:
+def check_together(detector: Parameters, node: Settings) -> None:
     """Raise ValueError where parameters of the detector and the node contradict each other."""
     if detector.method == 'paper' and node.has_region:
         raise ValueError("method is 'paper': must be 'arcs' with a mask or a region (roi_x, "

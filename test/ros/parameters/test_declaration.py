@@ -8,14 +8,14 @@ from typing import Any, Iterator
 import pytest
 from qflsd_ros.core.parameters import Parameters
 from qflsd_ros.ros.parameters import declaration
-from qflsd_ros.ros.parameters.node_parameters import check_together, NodeParameters
+from qflsd_ros.ros.parameters.node_parameters import check_together, Settings
 import rclpy
 from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 import yaml
 
-KINDS = (Parameters, NodeParameters)
+KINDS = (Parameters, Settings)
 FIELDS = [field for kind in KINDS for field in fields(kind)]
 YAML_FILE = Path(__file__).parents[2] / 'config' / 'detector.yaml'
 
@@ -26,7 +26,7 @@ class Host(Node):
     def __init__(self, context: Context, given: dict[str, Any]) -> None:
         super().__init__('host', context=context, parameter_overrides=[
             RosParameter(name, value=value) for name, value in given.items()])
-        self.applied: list[tuple[Parameters, NodeParameters]] = []
+        self.applied: list[tuple[Parameters, Settings]] = []
         declaration.attach(self, KINDS, lambda *settings: self.applied.append(settings),
                            check_together)
 
@@ -73,12 +73,12 @@ def test_declared_parameters_equal_the_dataclasses(context: Context) -> None:
             [] if field.metadata['low'] is None
             else [(field.metadata['low'], field.metadata['high'])])
         assert all(bounds.step == 0 for bounds in described.floating_point_range)
-    assert host.applied == [(Parameters(), NodeParameters())]
+    assert host.applied == [(Parameters(), Settings())]
 
 
 def test_what_is_given_at_start_counts(context: Context) -> None:
     host = Host(context, {'tolerance': 2, 'line_width': 3, 'seed_of_nobody': 1})
-    assert host.applied == [(Parameters(tolerance=2.0), NodeParameters(line_width=3))]
+    assert host.applied == [(Parameters(tolerance=2.0), Settings(line_width=3))]
     assert host.get_parameter('tolerance').type_ is RosParameter.Type.DOUBLE
 
 
@@ -101,7 +101,7 @@ def test_what_cannot_be_used_at_start_is_named(context: Context, given: dict[str
 def test_changes_are_applied_together_or_not_at_all(context: Context) -> None:
     host = Host(context, {})
     assert host.change(contrast_low=40.0, contrast_high=60.0, line_width=5) == ''
-    new = (Parameters(contrast_low=40.0, contrast_high=60.0), NodeParameters(line_width=5))
+    new = (Parameters(contrast_low=40.0, contrast_high=60.0), Settings(line_width=5))
     assert host.applied[1:] == [new]
     assert 'contrast_low is 70.0' in host.change(contrast_low=70.0, line_width=9)
     assert host.applied[1:] == [new]
@@ -114,7 +114,7 @@ def test_changes_are_applied_together_or_not_at_all(context: Context) -> None:
 
 def test_off_is_a_choice_though_yaml_reads_it_as_false(context: Context) -> None:
     host = Host(context, {'lens': False})
-    assert host.applied == [(Parameters(), NodeParameters(lens='off'))]
+    assert host.applied == [(Parameters(), Settings(lens='off'))]
     assert host.change(lens='estimate') == ''
     assert host.change(lens=False) == ''
     assert host.get_parameter('lens').value == 'off'
