@@ -4,7 +4,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from qflsd_ros.ros.camera import CameraSettings
-from qflsd_ros.ros.detector import OUTPUTS
+from qflsd_ros.ros.output.topics import OUTPUTS
 import yaml
 
 FILE = Path(__file__).parents[1] / 'config' / 'qflsd.rviz'
@@ -21,8 +21,8 @@ def test_its_topics_are_published_as_the_types_that_it_shows() -> None:
     shown = {display['Topic']['Value']: display['Class'].split('/')[1]
              for display in MANAGER['Displays']}
     assert shown
-    assert shown.items() <= {(topic.replace('~', '/detector'), type_.__name__)
-                             for topic, type_, _ in OUTPUTS}
+    assert shown.items() <= {(output.topic.replace('~', '/detector'), output.message_type.__name__)
+                             for output in OUTPUTS}
 
 
 # What rviz_common and rviz_default_plugins (plugins_description.xml) of Jazzy offer, as far as it

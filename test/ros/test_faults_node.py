@@ -22,10 +22,11 @@ if TYPE_CHECKING:
 CAMERA = ('-m', 'qflsd_ros.ros', 'camera', '--ros-args', '-p', 'width:=160', '-p', 'height:=120')
 WITHOUT_OVERLAY = """
 import sys
-from qflsd_ros.ros import detector, outputs
+from qflsd_ros.ros import detector
+from qflsd_ros.ros.output import clouds
 def fail(*_):
     raise ZeroDivisionError('no overlay')
-outputs.overlay_image = fail
+clouds.overlay_image = fail
 sys.exit(detector.main())
 """
 WAYS: dict[str, Callable[[np.ndarray], np.ndarray]] = {

@@ -138,7 +138,7 @@ def test_images_and_regions(message: Image, white: float, x: int, size: int, wid
 @given(calibrations)
 def test_camera_info(info: CameraInfo) -> None:
     try:
-        found = planes(ARCS, camera_info.lens(info, '/camera_info', 240, 320))
+        found = planes(ARCS, camera_info.camera_model(info, '/camera_info', 240, 320))
     except CalibrationError as error:
         assert error.reason and '\n' not in str(error)
         return

@@ -8,7 +8,7 @@ from qflsd_ros.core.lens.conversion import calibration
 from qflsd_ros.core.lens.estimation import LensEstimate
 from qflsd_ros.core.lens.tracker import LensTracker
 from qflsd_ros.ros import lens
-from qflsd_ros.ros.output.camera_info import camera_info
+from qflsd_ros.ros.output.camera_info import message as message_of
 from qflsd_ros.ros.parameters.node_parameters import Settings
 from qflsd_ros.sources import Scene
 from std_msgs.msg import Header
@@ -69,7 +69,7 @@ def test_what_is_known_before_a_frame():
 
 def test_camera_info():
     model, header = DivisionModel(-0.4, SHAPE, (330.0, 230.0)), Header(frame_id='eye')
-    message = camera_info(header, model, 300.0)
+    message = message_of(header, model, 300.0)
     assert message.header == header and (message.height, message.width) == SHAPE
     wanted = calibration(model, 300.0)
     assert message.distortion_model == wanted.distortion_model == 'rational_polynomial'

@@ -21,7 +21,7 @@ class Topic:
         """Let others publish; the middleware may tell at once, or later."""
         self.publishers = frozenset(publishers)
         if told:
-            self.losses.begin_anew()
+            self.losses.restart()
 
 
 def test_gaps_of_one_publisher_count() -> None:
