@@ -58,7 +58,7 @@ def test_no_place_for_logs_is_said_in_one_line(peer: Peer) -> None:
     assert process.wait() == 2
     line = process.output.splitlines()[-1]
     assert line.startswith('detector: ') and 'log directory' in line
-    assert line.endswith('set ROS_LOG_DIR to a folder that can be written')
+    assert line.endswith('set ROS_LOG_DIR to a writable folder')
     assert 'Traceback' not in process.output and os.listdir(peer.folder)
 
 

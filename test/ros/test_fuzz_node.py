@@ -183,7 +183,7 @@ def test_files_of_the_command(tmp_path: Path) -> None:
     def load(content: bytes) -> None:
         path.write_bytes(content)
         with suppress(SettingsError):
-            read(parser().parse_args(['a.png', '--params', str(path)]))
+            read(parser().parse_args(['a.png', '--params', str(path)]), print)
         assert isinstance(origin(' '.join(NAMES), ['--params-file', str(path)]), str)
 
     load()

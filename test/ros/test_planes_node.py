@@ -33,7 +33,8 @@ def test_planes_hold_the_lines(peer: Peer) -> None:
     assert same(rig.detect(image(SCENE)), EXPECTED)
     assert rig.report('no camera_info').level == DiagnosticStatus.WARN
     for changes, text in (
-            ({'width': 640}, 'describes images of 640 x 240 pixels: must describe images of 320 x 240'),
+            ({'width': 640}, 'describes images of 640 x 240 pixels: must describe images of '
+             '320 x 240'),
             ({'distortion_model': 'fov'}, "distortion model is 'fov': must be one of plumb_bob"),
             ({'k': [0.0] * 9}, 'the camera is not calibrated')):
         peer.until(lambda: text in rig.process.output, lambda: (

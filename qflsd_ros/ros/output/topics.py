@@ -59,7 +59,7 @@ class Result:
 
     @cached_property
     def arcs_with_straightness(self) -> Arcs:
-        """The arcs with the column ``straight``, computed once for all outputs that need it."""
+        """Return the arcs with the column ``straight``, computed once for all outputs."""
         return with_straightness(self.arcs, self.model)
 
 

@@ -17,7 +17,7 @@ import yaml
 
 KINDS = (Parameters, Settings)
 FIELDS = [field for kind in KINDS for field in fields(kind)]
-YAML_FILE = Path(__file__).parents[2] / 'config' / 'detector.yaml'
+YAML_FILE = Path(__file__).parents[3] / 'config' / 'detector.yaml'
 
 
 class Host(Node):
@@ -118,7 +118,7 @@ def test_off_is_a_choice_though_yaml_reads_it_as_false(context: Context) -> None
     assert host.change(lens='estimate') == ''
     assert host.change(lens=False) == ''
     assert host.get_parameter('lens').value == 'off'
-    assert 'STRING' in host.change(lens=True)
+    assert host.change(lens=True) and host.get_parameter('lens').value == 'off'
 
 
 def test_an_integer_will_do_for_a_floating_point_number(context: Context) -> None:
@@ -129,18 +129,27 @@ def test_an_integer_will_do_for_a_floating_point_number(context: Context) -> Non
 
 
 @pytest.mark.parametrize('values, texts', [
-    ({'tolerance': 99.0}, ['tolerance', '99.0', '0.1', '10.0']),
-    ({'tolerance': 'wide'}, ['DOUBLE', 'STRING']),
-    ({'tolerance': None}, ['cannot be undeclared']),
-    ({'tolerance': float('nan')}, ['tolerance', 'nan']),
     ({'method': 'magic'}, ["method is 'magic'", 'arcs, paper']),
-    ({'image_transport': 'compressed'}, ['read-only', 'image_transport']),
+    ({'contrast_high': 2.0}, ['contrast_low is 3.5', 'contrast_high', '2.0']),
+    ({'marker_colour': 'mood'}, ["marker_colour is 'mood'", 'id, length']),
 ])
 def test_a_refused_change_says_why(context: Context, values: dict[str, Any],
                                    texts: list[str]) -> None:
     host = Host(context, {})
     reason = host.change(**values)
-    assert reason and all(text in reason for text in texts), reason
+    assert all(text in reason for text in texts), reason
+    assert len(host.applied) == 1
+
+
+@pytest.mark.parametrize('name, value', [
+    ('tolerance', 99.0), ('tolerance', 'wide'), ('tolerance', None), ('tolerance', float('nan')),
+    ('line_width', 0), ('line_width', 1.5), ('image_transport', 'compressed')])
+def test_rclpy_refuses_what_a_descriptor_excludes(context: Context, name: str, value: Any) -> None:
+    """Its reasons differ from one distribution to the next, so that only their presence counts."""
+    host = Host(context, {})
+    before = host.get_parameter(name).value
+    assert host.change(**{name: value})
+    assert host.get_parameter(name).value == before
     assert len(host.applied) == 1
 
 
