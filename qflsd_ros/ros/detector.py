@@ -150,7 +150,7 @@ class DetectorNode(Node):
             self.get_logger().error(f'{reason}: {text}')
 
     def _diagnose(self) -> None:
-        """Publish what happened since the last call on /diagnostics."""
+        """Publish a report on the frames since the last call on /diagnostics."""
         settings = self._active[1]
         status = DiagnosticStatus(name=f'{self.get_fully_qualified_name()}: detection',
                                   hardware_id=settings.hardware_id or self._images.topic)

@@ -1,4 +1,4 @@
-"""The detector as a process of its own, over real DDS."""
+"""The detector as a process, over real DDS."""
 from __future__ import annotations
 
 from array import array
@@ -52,7 +52,7 @@ FOUR_K_CAMERA = BIG_CAMERA.replace(
 
 @pytest.fixture(scope='module')
 def rig(module_peer: Peer) -> Iterator[Rig]:
-    """Give one detector that the tests of this module share."""
+    """Give one detector, shared by the tests of this module."""
     yield Rig(module_peer, listen=('segments', 'arcs', 'markers', 'overlay')).ready()
 
 
@@ -337,7 +337,7 @@ def test_the_newest_frame_wins_and_the_others_are_counted(peer: Peer) -> None:
 
 
 def test_parameter_services_answer_while_4k_frames_are_worked_on(peer: Peer) -> None:
-    """Half of the answers come at once, though the node is never idle."""
+    """The median answer takes less than 0.5 s, although the node is never idle."""
     profile = {'FASTRTPS_DEFAULT_PROFILES_FILE': str(ROOT / 'config' / 'fastdds.xml')}
     rig = Rig(peer, '-p', 'blur_sigma:=5.0', **profile)
     peer.run('-c', FOUR_K_CAMERA, **profile)

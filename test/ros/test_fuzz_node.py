@@ -1,4 +1,4 @@
-"""Whatever is sent, set or written into a file: an answer or a reason, and never an exception."""
+"""Random messages, parameters and files give a result or a reason, never an exception."""
 from __future__ import annotations
 
 from array import array
@@ -103,7 +103,7 @@ def host(module_peer: Peer) -> Iterator[Host]:
 
 
 def test_images_over_dds(rig: Rig) -> None:
-    """Every one is worked off or counted as bad, with a reason of ours."""
+    """Every image is processed, or counted as bad with a reason of this package."""
     rig.settle()
 
     @bounded
@@ -191,7 +191,7 @@ def test_files_of_the_command(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize('seed', range(30))
 def test_files_of_the_node(tmp_path: Path, module_peer: Peer, seed: int) -> None:
-    """A file with some parameters, most of them in order: taken, or refused in one line."""
+    """A file with several parameters, most of them valid, is accepted, or refused in one line."""
     random = np.random.default_rng(seed)
     given_ = {name: VALUES[random.integers(len(VALUES))] if random.random() < 0.2
               else float(random.integers(1, 9)) for name in random.choice(FLOATS, 3).tolist()}

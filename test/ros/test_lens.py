@@ -1,4 +1,4 @@
-"""What the node knows and says of the lens."""
+"""The live state of the lens, and its diagnostics."""
 from __future__ import annotations
 
 import numpy as np
@@ -45,7 +45,7 @@ def test_estimate_follows_the_frames_and_begins_anew_when_asked():
     assert int(values['lens arcs that agree']) > 20
     assert float(values['lens share of arcs that agree']) > 0.5
     assert values['lens outlier frames'] == '0'
-    # What follows is the same lens until the estimate begins anew.
+    # The lens stays the same until the settings of the estimate change.
     assert camera.known(SHAPE, settings) == model
     assert camera.follow(Arcs.empty(), SHAPE, settings) == model
     assert camera.follow(ARCS, SHAPE, Settings(lens_find_centre=True)).centre is not None
@@ -58,11 +58,11 @@ def test_what_is_known_before_a_frame():
     assert camera.known(SHAPE, settings) is None
     model = camera.follow(ARCS, SHAPE, settings)
     assert camera.known(SHAPE, settings) == model
-    # Nothing of images of another size, until some have come; then nothing of these.
+    # An estimate holds for images of one size; another size replaces it.
     assert camera.known((240, 320), settings) is None
     assert camera.follow(ARCS.scaled(2), (960, 1280), settings).shape == (960, 1280)
     assert camera.known(SHAPE, settings) is None
-    # What is fixed is known of images of any size, before the first one.
+    # A fixed lens is known for images of any size, before the first one.
     settings = Settings(lens='fixed', lens_lambda=-0.7)
     assert camera.known((3, 5), settings) == DivisionModel(-0.7, (3, 5), (2.0, 1.0))
 
@@ -91,7 +91,7 @@ def test_a_lens_that_is_not_known(settings, text):
 
 
 class Forgetful(LensTracker):
-    """A tracker whose other thread begins anew as soon as somebody has looked at the estimate."""
+    """A tracker that another thread resets as soon as the estimate has been read."""
 
     forgets = False
 
@@ -108,7 +108,7 @@ class Forgetful(LensTracker):
 
 
 def test_diagnostics_ask_while_the_lens_is_forgotten(monkeypatch):
-    """An image of another size begins the estimate anew, in the midst of a report."""
+    """An image of another size resets the estimate during a report."""
     monkeypatch.setattr(lens, 'LensTracker', Forgetful)
     camera, settings = lens.CameraLens(), Settings(lens='estimate')
     assert camera.follow(ARCS, SHAPE, settings) is not None

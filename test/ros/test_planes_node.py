@@ -1,4 +1,4 @@
-"""Planes from camera_info, of the detector as a process over real DDS."""
+"""Planes from camera_info, published by the detector as a process over real DDS."""
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
@@ -24,7 +24,7 @@ def camera_info(**changes: object) -> CameraInfo:
 
 
 def test_planes_hold_the_lines(peer: Peer) -> None:
-    """Of a lens without distortion, every straight edge lies in its plane."""
+    """For a lens without distortion, every straight edge lies in its plane."""
     rig = Rig(peer, '-r', 'image:=/cam/image_raw', topic='/cam/image_raw',
               listen=('segments', 'planes')).ready()
     info = peer.node.create_publisher(CameraInfo, '/cam/camera_info', qos_profile_sensor_data)

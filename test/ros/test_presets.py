@@ -1,4 +1,4 @@
-"""The parameter files for kinds of cameras hold known parameters with values that can be used."""
+"""The parameter files for kinds of cameras contain known parameters with valid values."""
 from __future__ import annotations
 
 from dataclasses import fields

@@ -1,4 +1,4 @@
-"""What the package can be made to do: no foreign code, no files by remote, few permissions."""
+"""Security: no foreign code runs, no remote access to files, few permissions."""
 from __future__ import annotations
 
 import ast
@@ -26,7 +26,7 @@ CALLS = {'eval', 'exec', 'compile', '__import__', 'os.system', 'os.popen', 'yaml
 
 
 def dangers(source: str) -> Iterator[str]:
-    """Return whatever could run code that comes from outside."""
+    """Yield the calls and imports that could run foreign code."""
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Import):
             yield from MODULES & {alias.name.partition('.')[0] for alias in node.names}
@@ -71,7 +71,7 @@ def test_nobody_can_make_the_camera_show_a_file(peer: Peer) -> None:
 
 
 def allowed(node: str, kind: str, way: str) -> set[str]:
-    """Return the names that the policy allows a node, in full."""
+    """Return the full names that the policy allows a node."""
     profile, = POLICY.findall(f"enclaves/enclave[@path='/{node}']/profiles/profile")
     assert profile.attrib == {'ns': '/', 'node': node}
     found = [item.text or '' for group in profile.findall(kind) if group.get(way) == 'ALLOW'

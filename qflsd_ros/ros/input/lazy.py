@@ -16,7 +16,7 @@ class LazySubscription(ABC):
     """
 
     def __init__(self, node: Node) -> None:
-        """Subscribe; a subclass first sets whatever its :meth:`_subscribe` uses."""
+        """Subscribe; a subclass sets the attributes that its :meth:`_subscribe` uses before."""
         self._node = node
         self._subscription: Subscription | None = self._subscribe()
 

@@ -1,4 +1,4 @@
-"""Region, mask and scale become one array and one factor for each size of images."""
+"""Region, mask and scale give one array and one factor for each size of images."""
 from __future__ import annotations
 
 import os
@@ -80,7 +80,7 @@ def test_what_does_not_fit_is_named(changes: dict, reason: str, texts: list[str]
 
 
 def made(folder: Path, kind: str) -> Path:
-    """Make something in the place of a mask file that is none."""
+    """Make a file that is not a mask."""
     path = folder / kind
     if kind == 'pipe':
         os.mkfifo(path)
@@ -97,7 +97,7 @@ def made(folder: Path, kind: str) -> Path:
     ('', 'is no file'), ('huge', 'must have at most'), ('nowhere', 'No such file'),
     ('text', 'no image that can be read'), ('/proc/kmsg', '/proc/kmsg')])
 def test_what_is_no_image_file_is_named_at_once(tmp_path: Path, kind: str, text: str) -> None:
-    """Pipes and devices would give bytes for ever, or never."""
+    """Pipes and devices would give bytes without end, or never any."""
     path = made(tmp_path, kind)
     with pytest.raises(SourceError, match=text) as caught:
         read_mask(str(path))
@@ -105,7 +105,7 @@ def test_what_is_no_image_file_is_named_at_once(tmp_path: Path, kind: str, text:
 
 
 def test_a_mask_has_the_orientation_of_the_sensor(tmp_path: Path) -> None:
-    """As images have: an orientation tag turns neither."""
+    """An orientation tag turns neither masks nor images."""
     pixels = np.zeros((10, 20), np.uint8)
     pixels[:, 10:] = 255
     jpeg = cv2.imencode('.jpg', pixels)[1].tobytes()

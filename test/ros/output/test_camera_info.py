@@ -1,4 +1,4 @@
-"""CameraInfo with a region and with binning is a camera of the image's own pixels."""
+"""A CameraInfo with region and binning gives a camera for the pixels of the image."""
 from __future__ import annotations
 
 import numpy as np
@@ -24,7 +24,7 @@ def info(binning: tuple[int, int] = (0, 0), region: tuple[int, int, int, int] = 
 @pytest.mark.parametrize('region', [(0, 0, 0, 0), (80, 40, 400, 240), (7, 5, 633, 475)])
 def test_a_pixel_looks_where_its_rectangle_looks(binning: tuple[int, int],
                                                  region: tuple[int, int, int, int]) -> None:
-    """The middle of the pixels of the sensor that it combines."""
+    """The ray of a binned pixel is that of the centre of its sensor pixels."""
     columns, rows = max(1, binning[0]), max(1, binning[1])
     x, y, width, height = region
     size = ((width or 640) // columns, (height or 480) // rows)

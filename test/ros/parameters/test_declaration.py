@@ -1,4 +1,4 @@
-"""Dataclasses, config/detector.yaml and the parameters a node declares say the same."""
+"""Dataclasses, config/detector.yaml and declared parameters agree."""
 from __future__ import annotations
 
 from dataclasses import fields
@@ -39,7 +39,7 @@ class Host(Node):
 
 @pytest.fixture
 def context() -> Iterator[Context]:
-    """Give a ROS context in which no other process takes part."""
+    """Give a ROS context without any other process."""
     context = Context()
     rclpy.init(args=[], context=context, domain_id=101)
     yield context
