@@ -32,7 +32,7 @@ def test_by_default_the_detector_runs_alone_with_the_defaults() -> None:
 
 @pytest.mark.parametrize('namespace', ['left', '/left'])
 def test_rviz_follows_the_namespace(namespace: str) -> None:
-    """RViz starts on demand, with the installed file, on the topics of this detector."""
+    """It starts on demand, with the installed file, on the topics of this detector."""
     detector, rviz = commands(FILE, namespace=namespace, rviz='true')
     assert '__ns:=/left' in detector
     assert rviz[:2] == ['rviz2', 'rviz2']
