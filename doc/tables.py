@@ -9,15 +9,15 @@ from pathlib import Path
 import re
 
 from qflsd_ros.core import Parameters
-from qflsd_ros.ros.camera import CameraParameters
+from qflsd_ros.ros.camera import CameraSettings
 from qflsd_ros.ros.parameters.declaration import markdown_table
-from qflsd_ros.ros.parameters.node_parameters import NodeParameters
+from qflsd_ros.ros.parameters.node_parameters import Settings
 from qflsd_ros.sources import reasons
 
 README = Path(__file__).parents[1] / 'README.md'
 TABLES = {
-    ('parameters of detector', 'end of detector'): markdown_table((Parameters, NodeParameters)),
-    ('parameters of camera', 'end of camera'): markdown_table((CameraParameters,)),
+    ('parameters of detector', 'end of detector'): markdown_table((Parameters, Settings)),
+    ('parameters of camera', 'end of camera'): markdown_table((CameraSettings,)),
     ('reasons', 'end of reasons'): reasons.markdown_table()}
 
 

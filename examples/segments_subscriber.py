@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """
-Print the longest segment of every frame: how to read ~/segments with numpy alone.
+Log the longest segment of every frame: an example of reading ~/segments with numpy.
 
 python3 segments_subscriber.py --ros-args -r segments:=/detector/segments
 """
@@ -16,7 +16,7 @@ POINT = np.dtype([('x', '<f4'), ('y', '<f4'), ('z', '<f4'), ('segment', '<u4')])
 
 
 def polylines(message: PointCloud2) -> list[np.ndarray]:
-    """Return the points of every segment: (K, 2) arrays of x, y in px."""
+    """Return the points of each segment, x and y in px: a list of (K, 2) float32 arrays."""
     points = np.frombuffer(bytes(message.data), POINT)
     first = np.flatnonzero(np.diff(points['segment'])) + 1
     xy = np.stack([points['x'], points['y']], axis=1)
@@ -29,14 +29,14 @@ def length(polyline: np.ndarray) -> float:
 
 
 class SegmentsSubscriber(Node):
-    """Listens to the detector."""
+    """Subscribes to the segments of the detector."""
 
     def __init__(self) -> None:
         super().__init__('segments_subscriber')
         self.create_subscription(PointCloud2, 'segments', self.receive, 10)
 
     def receive(self, message: PointCloud2) -> None:
-        """Say how many segments there are, and which is the longest."""
+        """Log the number of segments in a message, and the longest of them."""
         segments = polylines(message)
         text = f'{len(segments)} segments'
         if segments:
@@ -48,7 +48,7 @@ class SegmentsSubscriber(Node):
 
 
 def main() -> None:
-    """Run until Ctrl-C."""
+    """Run until SIGINT (Ctrl-C)."""
     try:
         rclpy.init()
         rclpy.spin(SegmentsSubscriber())

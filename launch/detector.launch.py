@@ -1,8 +1,8 @@
 """
-Start the detector, and RViz if asked for: ``ros2 launch qflsd_ros detector.launch.py``.
+Start the detector, and optionally RViz: ``ros2 launch qflsd_ros detector.launch.py``.
 
-``--show-args`` lists the arguments.  Nothing else in the package depends on this file: the node
-starts just as well by ``ros2 run qflsd_ros detector``.
+``--show-args`` lists the arguments.  Nothing else in the package depends on this file:
+``ros2 run qflsd_ros detector`` starts the same node.
 """
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
 NAME = 'detector'
-RESPAWN_DELAY = 2.0  # s; discovery forgets the old node meanwhile, and a log stays readable
+RESPAWN_DELAY = 2.0  # s, in which discovery forgets the old node; also limits the log
 
 
 def config(name: str) -> PathJoinSubstitution:
@@ -28,10 +28,10 @@ def arguments() -> list[DeclareLaunchArgument]:
     return [
         DeclareLaunchArgument(
             'image', default_value='image',
-            description='Topic of the images; camera_info is expected beside it.'),
+            description='Topic of the images; camera_info is expected in the same namespace.'),
         DeclareLaunchArgument(
             'params_file', default_value=config('detector.yaml'),
-            description='YAML file of parameters.'),
+            description='YAML file with parameters of the detector.'),
         DeclareLaunchArgument(
             'namespace', default_value='',
             description='Namespace of the node, and of the image topic unless it begins with /.'),
@@ -44,7 +44,7 @@ def arguments() -> list[DeclareLaunchArgument]:
 
 
 def detector() -> Node:
-    """Return the detector, as the arguments want it."""
+    """Return the detector, configured by the arguments."""
     return Node(
         package='qflsd_ros', executable='detector', name=NAME,
         namespace=LaunchConfiguration('namespace'),
@@ -54,7 +54,7 @@ def detector() -> Node:
 
 
 def rviz() -> Node:
-    """Return RViz on the topics of the detector; its file names those of the root namespace."""
+    """Return RViz, whose topics in the root namespace are remapped to those of the detector."""
     topics = [f'/{NAME}/{name}' for name in ('overlay', 'markers')]
     return Node(
         package='rviz2', executable='rviz2', arguments=['-d', config('qflsd.rviz')],
@@ -63,5 +63,5 @@ def rviz() -> Node:
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Return what ``ros2 launch`` runs."""
+    """Return the description that ``ros2 launch`` executes."""
     return LaunchDescription([*arguments(), detector(), rviz()])

@@ -5,7 +5,7 @@ import json
 from pathlib import Path
 from typing import Any, Iterator
 
-from qflsd_ros.ros.detector import OUTPUTS
+from qflsd_ros.ros.output.topics import OUTPUTS
 
 LAYOUT = json.loads((Path(__file__).parents[1] / 'config' / 'foxglove.json').read_text())
 
@@ -38,11 +38,11 @@ def test_every_panel_has_a_place_and_a_configuration() -> None:
 
 
 def test_topics_are_those_of_the_node() -> None:
-    published = {topic.replace('~', '/detector') for topic, _, _ in OUTPUTS} | {'/diagnostics'}
+    published = {output.topic.replace('~', '/detector') for output in OUTPUTS}
     named = {leaf.partition('.')[0] for leaf in leaves(LAYOUT['configById'])
              if isinstance(leaf, str) and leaf.startswith('/')}
     assert named == {'/detector/overlay', '/detector/markers', '/detector/arcs', '/diagnostics'}
-    assert named <= published
+    assert named <= published | {'/diagnostics'}
 
 
 # Panels of Foxglove, as far as they are of use here, and the settings that it writes for each.

@@ -12,12 +12,13 @@ from diagnostic_msgs.msg import DiagnosticStatus
 import numpy as np
 import pytest
 from qflsd_ros.core import Detector
-from qflsd_ros.ros.detector import OUTPUTS
 from qflsd_ros.ros.diagnostics import Statistics
 from qflsd_ros.ros.input.images import LAYOUTS
+from qflsd_ros.ros.input.subscriptions import calibration_topic
 from qflsd_ros.ros.lens import CameraLens
-from qflsd_ros.ros.output import camera_info, clouds
-from qflsd_ros.ros.parameters.node_parameters import NodeParameters
+from qflsd_ros.ros.output import clouds
+from qflsd_ros.ros.output.topics import OUTPUTS
+from qflsd_ros.ros.parameters.node_parameters import Settings
 from qflsd_ros.sources import Scene
 import rclpy
 from rclpy.context import Context
@@ -69,8 +70,8 @@ def test_fields_of_point_clouds(name: str, dtype: np.dtype) -> None:
 
 
 def test_every_topic_is_listed() -> None:
-    assert first_column(section('Published'))[:len(OUTPUTS) + 2] == [
-        *(topic for topic, _, _ in OUTPUTS), '~/planes', '/diagnostics']
+    assert first_column(section('Published'))[:len(OUTPUTS) + 1] == [
+        *(output.topic for output in OUTPUTS), '/diagnostics']
 
 
 def test_every_encoding_is_listed() -> None:
@@ -89,7 +90,7 @@ def test_every_key_of_diagnostics_is_listed() -> None:
 
 def test_every_key_of_the_lens_is_listed() -> None:
     gray = Scene(640, 480, lam=-0.4).image(400)
-    camera, settings = CameraLens(), NodeParameters()
+    camera, settings = CameraLens(), Settings()
     camera.follow(Detector().detect(gray), gray.shape, settings)
     table = re.search(r'<!-- keys of lens -->\n((\|.*\n)+)', README)[1]
     assert first_column(table) == list(camera.values(settings))
@@ -139,7 +140,7 @@ def test_image_proc_is_remapped_to_the_camera_info_of_the_detector() -> None:
         node = Node('rectify_node', context=context)
         image = node.resolve_topic_name('image')
         assert image == '/cam/image_raw'
-        assert node.resolve_topic_name(camera_info.topic_of(image)) == '/detector/camera_info'
+        assert node.resolve_topic_name(calibration_topic(image)) == '/detector/camera_info'
         node.destroy_node()
     finally:
         rclpy.shutdown(context=context)

@@ -3,8 +3,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from qflsd_ros.ros.camera import CameraParameters
-from qflsd_ros.ros.detector import OUTPUTS
+from qflsd_ros.ros.camera import CameraSettings
+from qflsd_ros.ros.output.topics import OUTPUTS
 import yaml
 
 FILE = Path(__file__).parents[1] / 'config' / 'qflsd.rviz'
@@ -13,7 +13,7 @@ MANAGER = yaml.safe_load(FILE.read_text())['Visualization Manager']
 
 def test_its_frame_is_that_of_the_camera() -> None:
     """In any other frame, markers need a transform that nobody publishes."""
-    assert MANAGER['Global Options']['Fixed Frame'] == CameraParameters().frame_id
+    assert MANAGER['Global Options']['Fixed Frame'] == CameraSettings().frame_id
 
 
 def test_its_topics_are_published_as_the_types_that_it_shows() -> None:
@@ -21,8 +21,8 @@ def test_its_topics_are_published_as_the_types_that_it_shows() -> None:
     shown = {display['Topic']['Value']: display['Class'].split('/')[1]
              for display in MANAGER['Displays']}
     assert shown
-    assert shown.items() <= {(topic.replace('~', '/detector'), type_.__name__)
-                             for topic, type_, _ in OUTPUTS}
+    assert shown.items() <= {(output.topic.replace('~', '/detector'), output.message_type.__name__)
+                             for output in OUTPUTS}
 
 
 # What rviz_common and rviz_default_plugins (plugins_description.xml) of Jazzy offer, as far as it

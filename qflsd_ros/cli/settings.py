@@ -12,7 +12,7 @@ from qflsd_ros.core import Parameters
 from qflsd_ros.ros.input.region import read_mask
 from qflsd_ros.ros.parameters import file, origin
 from qflsd_ros.ros.parameters.file import FileError
-from qflsd_ros.ros.parameters.node_parameters import check_together, NodeParameters
+from qflsd_ros.ros.parameters.node_parameters import check_together, Settings as NodeSettings
 from qflsd_ros.sources.frames import SourceError
 
 NODE = '/detector'
@@ -20,7 +20,7 @@ NODE = '/detector'
 IDLE = ('image_transport', 'max_pixels', 'marker_colour', 'metres_per_pixel', 'focal_length',
         'max_age', 'hardware_id')
 OF_ROS = ('use_sim_time', 'start_type_description_service', 'qos_overrides')
-FIELDS = {field.name: field for kind in (Parameters, NodeParameters)
+FIELDS = {field.name: field for kind in (Parameters, NodeSettings)
           for field in dataclasses.fields(kind)}
 NAME = re.compile(r'(/[A-Za-z_]\w*)+')  # of a node, with its namespaces
 
@@ -33,7 +33,7 @@ class Settings(NamedTuple):
     """Parameters of the detector, and those of the node around it."""
 
     detector: Parameters
-    node: NodeParameters
+    node: NodeSettings
 
     def values(self) -> dict[str, Any]:
         """Return all that counts here, by name."""
@@ -81,7 +81,7 @@ def read(arguments: argparse.Namespace, tell: Callable[[str], None]) -> Settings
         settings = Settings(*(kind(**{field.name: values[field.name]
                                       for field in dataclasses.fields(kind)
                                       if field.name in values})
-                              for kind in (Parameters, NodeParameters)))
+                              for kind in (Parameters, NodeSettings)))
         check_together(*settings)
         if settings.node.mask:
             read_mask(settings.node.mask)

@@ -1,1 +1,1 @@
-"""The ROS 2 nodes and what they are made of."""
+"""The ROS 2 nodes and their parts."""

@@ -1,7 +1,8 @@
 """
 The executables: ``python3 -m qflsd_ros.ros detector``, or ``camera``.
 
-A node takes a second to import. Only this small file is there before a signal finds its way.
+The imports of a node take about a second.  This file imports little, so that signals are handled
+from the beginning.
 """
 from __future__ import annotations
 
@@ -30,13 +31,14 @@ def demo() -> int:
 
 
 def _node(name: str) -> int:
-    # Python's own handler would break in anywhere, in the midst of an import as well. From
-    # rclpy.init on, a signal ends the node.
+    # Python's own handler would raise KeyboardInterrupt anywhere, even within an import.  From
+    # rclpy.init on, rclpy handles both signals.
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: os._exit(0))
     code = _run(name, f'qflsd_ros.ros.{name}')
     if threading.active_count() > 1:
-        # A thread still compiles or detects. It cannot be ended, and would crash without Python.
+        # A thread still compiles or detects.  It cannot be interrupted, and would crash while the
+        # interpreter shuts down.
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(code)
@@ -44,7 +46,7 @@ def _node(name: str) -> int:
 
 
 def _run(name: str, module: str) -> int:
-    """Run what a module has as ``main``; where ROS is not installed, say so in one line."""
+    """Run the function ``main`` of a module; without ROS, print one line that says so."""
     try:
         main = import_module(module).main
     except ModuleNotFoundError as error:

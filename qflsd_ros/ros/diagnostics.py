@@ -1,4 +1,4 @@
-"""What the node tells about itself on /diagnostics."""
+"""The node's report on its frames, for /diagnostics."""
 from __future__ import annotations
 
 from collections import Counter, deque
@@ -10,15 +10,17 @@ from typing import Callable
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 import numpy as np
 
-PATIENCE = 2.0  # s without a frame that are no reason to warn: two reports, since one may be early
-# Nor are as many periods of a camera: with two, one of 1 Hz that leaves out a frame would be gone.
+# A camera counts as silent after PATIENCE s and PERIODS of its own periods without a frame.  Two
+# reports pass in PATIENCE, because one may come early; with two periods, a camera of 1 Hz that
+# skips one frame would cause a warning.
+PATIENCE = 2.0
 PERIODS = 3
-RECENT = 9  # periods whose median counts: less than half of them may be gaps
+RECENT = 9  # periods whose median is the camera's: up to four of them may be gaps
 
 
 @dataclass
 class Window:
-    """What happened between two reports; times in s."""
+    """Events between two reports; times in s."""
 
     begin: float
     arrived: int = 0
@@ -31,21 +33,21 @@ class Window:
 
 
 class Statistics:
-    """Counts of what happened to the frames; every method may be called from any thread."""
+    """Counts of frames by their fate; every method may be called from any thread."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
-        """Take a clock that gives a time in s and never jumps."""
+        """Take a monotonic clock, a function that returns a time in s."""
         self._lock = Lock()
         self._clock = clock
         self._window = Window(clock())
         self._quiet_since = self._window.begin
-        self._previous: float | None = None  # when the last frame came, while somebody listens
+        self._previous: float | None = None  # arrival of the last frame, while subscribed
         self._periods: deque[float] = deque(maxlen=RECENT)
         self._frames = self._lost = self._dropped = 0
         self._bad: Counter[str] = Counter()
 
     def arrived(self) -> None:
-        """Count a frame that came in."""
+        """Count a frame that arrived."""
         with self._lock:
             self._window.arrived += 1
             now = self._clock()
@@ -60,23 +62,23 @@ class Statistics:
             self._lost += count
 
     def dropped(self) -> None:
-        """Count a frame that a newer one replaced before its turn."""
+        """Count a frame that a newer one replaced before it was processed."""
         with self._lock:
             self._window.dropped += 1
             self._dropped += 1
 
     def bad(self, reason: str) -> None:
-        """Count a frame that could not be used."""
+        """Count a bad frame by the phrase of its reason."""
         with self._lock:
             self._window.bad[reason] += 1
             self._bad[reason] += 1
 
     def done(self, latency: float, age: float, arcs: int) -> None:
         """
-        Count a frame whose results are out.
+        Count a frame whose results have been published.
 
-        ``latency`` is the time in s since it came in, ``age`` that since its stamp, ``arcs`` the
-        number of arcs in it.
+        ``latency`` is the time in s since its arrival, ``age`` the time in s since its stamp,
+        ``arcs`` its number of arcs.
         """
         with self._lock:
             self._frames += 1
@@ -86,10 +88,10 @@ class Statistics:
 
     def report(self, status: DiagnosticStatus, listening: bool, max_age: float) -> None:
         """
-        Fill in level, message and values of a status, for the time since the last report.
+        Fill in level, message and values of a status for the time since the last report.
 
-        ``listening`` tells whether frames are asked for; a median age above ``max_age`` s is a
-        reason to warn, unless it is 0.
+        ``listening`` is whether the node subscribes to frames.  A median age above ``max_age`` s
+        causes a warning, unless ``max_age`` is 0.
         """
         with self._lock:
             now = self._clock()
@@ -107,7 +109,7 @@ class Statistics:
         status.values += [KeyValue(key=key, value=str(value)) for key, value in values.items()]
 
     def _silence(self, now: float, listening: bool) -> list[str]:
-        """Return a warning of a camera that is silent for longer than it usually is."""
+        """Return a warning if the camera has been silent for longer than usual, in a list."""
         if not listening:
             self._previous, self._quiet_since = None, now
         silence = now - self._quiet_since
@@ -116,12 +118,13 @@ class Statistics:
 
 
 def _warnings(window: Window, max_age: float) -> list[str]:
+    """Return the warnings on the frames of a window."""
     warnings = []
     if window.bad:
         reasons = ', '.join(sorted(window.bad))
         warnings.append(f'{sum(window.bad.values())} bad frames ({reasons})')
     if window.lost:
-        warnings.append(f'{window.lost} frames lost on the way here, see config/fastdds.xml')
+        warnings.append(f'{window.lost} frames lost by the middleware, see config/fastdds.xml')
     if window.dropped:
         warnings.append(f'{window.dropped} of {window.arrived} frames dropped')
     if max_age and window.ages and np.median(window.ages) > max_age:
@@ -131,6 +134,7 @@ def _warnings(window: Window, max_age: float) -> list[str]:
 
 
 def _values(window: Window, duration: float) -> dict[str, str]:
+    """Return rates, times and number of arcs in a window of a duration in s."""
     period = max(duration, 1e-9)
     return {
         'rate in (Hz)': f'{window.arrived / period:.1f}',

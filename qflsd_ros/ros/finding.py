@@ -1,4 +1,4 @@
-"""The arcs of one frame after the other of a camera; imports no ROS."""
+"""Detection in successive frames of one camera; imports no ROS."""
 from __future__ import annotations
 
 import numpy as np
@@ -6,38 +6,38 @@ from qflsd_ros.core import Arcs, Detector
 from qflsd_ros.core.lens.division import DivisionModel
 from qflsd_ros.ros.input.region import reduced, view
 from qflsd_ros.ros.lens import CameraLens
-from qflsd_ros.ros.parameters.node_parameters import NodeParameters
+from qflsd_ros.ros.parameters.node_parameters import Settings
 
 
-def find(gray: np.ndarray, detector: Detector, settings: NodeParameters,
+def find(gray: np.ndarray, detector: Detector, settings: Settings,
          lens: CameraLens) -> tuple[Arcs, DivisionModel | None]:
     """
-    Find the arcs of the next frame with the lens that is known before it.
+    Detect the arcs of the next frame, using the lens as known from the frames before.
 
     Parameters
     ----------
     gray
         (H, W) uint8.
     detector
-        Of the thread that calls.
+        A detector that no other thread uses.
     settings
-        Region, mask and largest width of the image, and how the lens is known.
+        Region, mask and largest width of the image, and the origin of the lens.
     lens
-        Of the camera; it follows the frame.
+        State of the camera's lens; it is updated with the arcs of this frame.
 
     Returns
     -------
     arcs
-        In px of ``gray``.
+        The arcs, in px of ``gray``.
     model
-        The lens as it is known with this frame, None where it is not.
+        The lens after this frame, None while it is unknown.
 
     Raises
     ------
     ViewError
-        The region lies outside, or the mask has another size.
+        The region lies outside the image, or the mask has another size.
     SourceError
-        The mask cannot be read and :func:`read_mask` has not been called before.
+        The mask file cannot be read.
 
     """
     factor, mask = view(settings, *gray.shape)

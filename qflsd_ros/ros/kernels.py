@@ -1,4 +1,4 @@
-"""The kernels of a node: loaded, or compiled at the first start ever, while it answers already."""
+"""Loading or compiling a node's kernels in the background, while it answers services."""
 from __future__ import annotations
 
 from concurrent.futures import Future
@@ -10,22 +10,29 @@ from qflsd_ros.core import compilation
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
-POLL_PERIOD, LOG_PERIOD = 1.0, 5.0  # s
+POLL_PERIOD, LOG_PERIOD = 1.0, 5.0  # s; about six lines in a compilation of half a minute
 
 
 class Kernels:
     """
-    The compilation of a node's kernels, by a thread of its own.
+    The compilation of a node's kernels, in a thread of its own.
 
-    A compiler cannot be interrupted: a process that ends meanwhile must not wait for the thread.
+    The compiler cannot be interrupted, so a process that ends must not wait for the thread.
+
+    Attributes
+    ----------
+    ready
+        Whether all kernels can be used.
+
     """
 
     def __init__(self, node: Node, package: str, warm_up: Callable[[], None],
                  then: Callable[[], None] = lambda: None) -> None:
         """
-        Call ``warm_up`` in a thread, and ``then`` in the node's executor afterwards.
+        Call ``warm_up`` in a thread, and afterwards ``then`` in the node's executor.
 
-        ``package`` holds the kernels that ``warm_up`` compiles. What it raises, the executor does.
+        ``package`` is the name of the package whose kernels ``warm_up`` compiles.  The executor
+        raises any exception of ``warm_up``.
         """
         self._node, self._package, self._then = node, package, then
         self._begin = time.monotonic()
@@ -38,7 +45,7 @@ class Kernels:
 
     @property
     def compiling(self) -> str | None:
-        """How far the compilation is, or None where nothing has been compiled yet, or all is."""
+        """Progress of the compilation as a text; None before it begins and after it ends."""
         compiled, kernels = compilation.progress(self._package)
         if self.ready or not compiled:
             return None
@@ -66,6 +73,6 @@ class Kernels:
     def _log(self) -> None:
         if text := self.compiling:
             folder = compilation.STORE.folder
-            kept = f'kept in {folder}' if folder else 'kept nowhere'
-            self._node.get_logger().info(f'{text} ({kept}; in all about half a minute)',
+            kept = f'kept in {folder}' if folder else 'not kept'
+            self._node.get_logger().info(f'{text} ({kept}; takes about half a minute in all)',
                                          throttle_duration_sec=LOG_PERIOD)

@@ -1,4 +1,4 @@
-"""Run a node until it is told to end, and say in one line why it cannot start."""
+"""Running a node from its start to its exit code."""
 from __future__ import annotations
 
 import signal
@@ -16,18 +16,18 @@ USAGE = 2  # exit code
 
 
 class Runnable(Protocol):
-    """A node that knows how to work."""
+    """A node with a main loop."""
 
     def run(self) -> None:
-        """Work until the node is shut down, or to the end of the work."""
+        """Work until the node is shut down or its work is finished."""
 
 
 def run(name: str, make: Callable[[], Runnable]) -> int:
     """
-    Make a node and run it, until SIGINT, SIGTERM or its own end; return the exit code.
+    Make a node and run it until SIGINT, SIGTERM or its own end; return the exit code.
 
-    ``make`` may raise ParameterError or SourceError, and whatever rclpy raises for an argument
-    that cannot be used: one line on stderr, with ``name`` in front, and exit code 2.
+    If ``make`` raises ParameterError, SourceError or an exception of rclpy about an argument, the
+    process prints one line on stderr that begins with ``name``, and the exit code is 2.
     """
     try:
         _made(make).run()
@@ -37,9 +37,9 @@ def run(name: str, make: Callable[[], Runnable]) -> int:
     except RuntimeError:
         if rclpy.ok():
             raise
-        # The signal came while a message was being published.
+        # A signal arrived while a message was being published.
     except (ExternalShutdownException, NotInitializedException):
-        pass  # NotInitializedException: the signal came before the node was there.
+        pass  # NotInitializedException: a signal arrived before the node existed.
     finally:
         rclpy.try_shutdown()
     return 0
@@ -47,13 +47,13 @@ def run(name: str, make: Callable[[], Runnable]) -> int:
 
 def _made(make: Callable[[], Runnable]) -> Runnable:
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, signal.SIG_DFL)  # rclpy calls what was there before, too
+        signal.signal(number, signal.SIG_DFL)  # rclpy also calls the handler that it replaces
     try:
         rclpy.init()
     except RuntimeError as error:
         cure = ''
         if 'log directory' in str(error):
-            cure = ': set ROS_LOG_DIR to a folder that can be written'
+            cure = ': set ROS_LOG_DIR to a writable folder'
         raise ParameterError(f'{type(error).__name__}: {error}{cure}') from error
     try:
         return make()

@@ -1,4 +1,4 @@
-"""Real processes over real DDS: each test in a domain of its own, polling, never sleeping."""
+"""Real processes over real DDS: each test has its own domain, and polls instead of sleeping."""
 from __future__ import annotations
 
 from contextlib import suppress
@@ -22,14 +22,14 @@ from rclpy.node import Node
 
 ROOT = Path(__file__).parents[2]
 TIMEOUT = 60.0  # s; generous: the machine may be busy, and kernels may have to be compiled
-SETTLED = 60.0  # s from which on a lock that nobody holds is a dead process's
+SETTLED = 60.0  # s after which an unheld lock belongs to a dead process
 # Wheels in a virtual environment have no setup file that would set this.
 os.environ.setdefault('AMENT_PREFIX_PATH', sys.prefix)
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
 
 
 class Process:
-    """A Python module running as a process of its own; ``output`` is all it has printed."""
+    """A Python module that runs as a process; ``output`` is the text that it has printed."""
 
     def __init__(self, arguments: list[str], environment: dict[str, str], log: Path) -> None:
         self.log = log
@@ -52,7 +52,7 @@ class Process:
 
 
 class Peer:
-    """A node of the test's own in one domain, and the processes it talks to."""
+    """The node of the test in one domain, and the processes under test."""
 
     def __init__(self, domain: int, folder: Path) -> None:
         self.environment = {'ROS_DOMAIN_ID': str(domain), 'ROS_LOG_DIR': str(folder)}
@@ -72,7 +72,7 @@ class Peer:
 
     def until(self, condition: Callable[[], Any], meanwhile: Callable[[], Any] = lambda: None,
               period: float = 0.05, timeout: float = TIMEOUT) -> Any:
-        """Spin until a condition holds and return what it gave; ``meanwhile`` once a period."""
+        """Spin until a condition is true; return its value. Call ``meanwhile`` once a period."""
         end = time.monotonic() + timeout
         while time.monotonic() < end:
             meanwhile()
@@ -94,7 +94,7 @@ class Peer:
         return future.result()
 
     def close(self) -> None:
-        """End whatever still runs."""
+        """End all processes and the node."""
         for process in self.processes:
             process.popen.kill()
             process.popen.wait()
@@ -105,7 +105,7 @@ class Peer:
 
 @pytest.fixture(scope='session', autouse=True)
 def swept_memory() -> Iterator[None]:
-    """Remove what processes that were killed have left in shared memory: ``fastdds shm clean``."""
+    """Remove the shared memory of killed processes, like ``fastdds shm clean``."""
     yield
     for lock in Path('/dev/shm').glob('fastrtps_*_el'):
         if re.fullmatch('fastrtps_[0-9a-f]{16}_el', lock.name):

@@ -30,7 +30,7 @@ class LaunchConfiguration:
 
 @dataclass(frozen=True)
 class FindPackageShare:
-    """The share folder of a package: that of this one is the root of the repository."""
+    """The share folder of a package; for this package, the root of the repository."""
 
     package: str
 
@@ -41,7 +41,7 @@ class FindPackageShare:
 
 @dataclass(frozen=True)
 class PathJoinSubstitution:
-    """A path put together of its parts."""
+    """A path joined from its parts."""
 
     substitutions: Sequence[Any]
 
@@ -116,7 +116,7 @@ class Node:
 
 @dataclass(frozen=True)
 class LaunchDescription:
-    """All that a launch file wants."""
+    """The actions of a launch file."""
 
     entities: Sequence[DeclareLaunchArgument | Node]
 
@@ -149,7 +149,7 @@ MODULES = {
 
 @contextmanager
 def in_place_of_launch() -> Iterator[None]:
-    """Let the fakes be what ``import launch`` and ``import launch_ros`` find."""
+    """Make ``import launch`` and ``import launch_ros`` find the fakes."""
     before = dict(sys.modules)
     for name, classes in MODULES.items():
         module = ModuleType(name)
@@ -164,7 +164,7 @@ def in_place_of_launch() -> Iterator[None]:
 
 
 def description(file: Path) -> LaunchDescription:
-    """Return the launch description that a launch file makes out of the fakes."""
+    """Return the launch description of a launch file, made of the fakes."""
     with in_place_of_launch():
         return runpy.run_path(str(file))['generate_launch_description']()
 

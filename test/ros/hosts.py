@@ -23,7 +23,7 @@ ADDRESSES = ('10.7.0.1', '10.7.0.2')
 
 
 class Cable:
-    """What the frames of one host pass on their way to the other."""
+    """One direction of the cable between two hosts."""
 
     def __init__(self, source: str, sink: str) -> None:
         self.source, self.sink = (self._socket(name) for name in (source, sink))
@@ -55,7 +55,7 @@ class Cable:
 
 
 def without_checksum(frame: bytes) -> bytes:
-    """Return an Ethernet frame; if it is UDP over IPv4, with 0, for none, as its checksum."""
+    """Return an Ethernet frame; without a checksum (0) if it is UDP over IPv4."""
     if frame[12:14] != b'\x08\x00' or frame[23] != socket.IPPROTO_UDP or frame[21] \
             or frame[20] & 0x1f:
         return frame  # among others what follows on the first fragment
@@ -69,7 +69,7 @@ def run(*command: object) -> None:
 
 
 def connect(host: int, process: int) -> str:
-    """Give the namespace of a process an interface; return the name of its other end."""
+    """Add an interface to the namespace of a process; return the name of its other end."""
     here, there = f'here{host}', f'there{host}'
     run('ip', 'link', 'add', 'name', here, 'type', 'veth', 'peer', 'name', there)
     run('ip', 'link', 'set', there, 'netns', process)

@@ -1,4 +1,4 @@
-"""A detector as a process, between a camera and a listener of the test's own."""
+"""A detector process between a camera and a subscriber, both of the test."""
 from __future__ import annotations
 
 from array import array
@@ -11,7 +11,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 import numpy as np
 from qflsd_ros.core import Detector
 from qflsd_ros.ros.output import clouds
-from qflsd_ros.ros.parameters.node_parameters import NodeParameters
+from qflsd_ros.ros.parameters.node_parameters import Settings
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter as RosParameter
 from rclpy.qos import qos_profile_sensor_data, QoSProfile
@@ -38,11 +38,11 @@ def scene() -> np.ndarray:
 
 SCENE = scene()
 BLACK = np.zeros_like(SCENE)
-EXPECTED = Detector().detect(SCENE).polylines(NodeParameters().polyline_tolerance)
+EXPECTED = Detector().detect(SCENE).polylines(Settings().polyline_tolerance)
 
 
 def image(pixels: np.ndarray, encoding: str = 'mono8', **changes: Any) -> Image:
-    """Return a message with a stamp that no other has."""
+    """Return a message with a unique stamp."""
     message = Image(encoding=encoding, height=pixels.shape[0], width=pixels.shape[1],
                     step=pixels.strides[0], data=array('B', pixels.tobytes()))
     message.header.frame_id = 'camera_optical'
@@ -54,9 +54,9 @@ def image(pixels: np.ndarray, encoding: str = 'mono8', **changes: Any) -> Image:
 
 class Rig:
     """
-    A running detector between a camera and a listener, both of the test's own.
+    A detector process between a camera and a subscriber, both of the test.
 
-    Unless the lens is asked for, every frame is for itself: a test may show one several times.
+    The lens is off by default, so that a test may publish the same frame several times.
     """
 
     def __init__(self, peer: Peer, *arguments: str, node: str = '/detector',
@@ -80,29 +80,29 @@ class Rig:
             TYPES[output], f'{self.name}/{output}', self.received[output].append, 10)
 
     def ready(self) -> Rig:
-        """Return when the detector listens to the camera."""
+        """Return when the detector subscribes to the camera."""
         self.peer.until(self.camera.get_subscription_count)
         return self
 
     def detect(self, message: Image | CompressedImage, output: str = 'segments') -> Any:
-        """Show a frame to the detector until the result for it arrives; return that."""
+        """Publish a frame until its result arrives; return the result."""
         def result() -> Any:
             return next((answer for answer in self.received[output]
                          if header(answer) == message.header), None)
         return self.peer.until(result, lambda: self.publish(message))
 
     def publish(self, message: Image | CompressedImage) -> None:
-        """Show a frame to the detector once, and count it."""
+        """Publish a frame once, and count it."""
         self.camera.publish(message)
         self.published += 1
 
     def total(self) -> int:
-        """Return the number of frames that the newest diagnostics account for in any way."""
+        """Return the number of frames, of any fate, in the newest diagnostics."""
         counts = values(self.reports[-1]) if self.reports else {}
         return sum(int(counts.get(key, 0)) for key in COUNTS)
 
     def settle(self) -> None:
-        """Return when diagnostics account for every frame that was published so far."""
+        """Return when diagnostics account for all frames published so far."""
         self.detect(image(SCENE))
         self.reports.clear()
         before = -1
@@ -118,17 +118,17 @@ class Rig:
         self._begin = self.published - before
 
     def accounted(self) -> bool:
-        """Tell whether every frame published since :meth:`settle` is accounted for, just once."""
+        """Return whether diagnostics count each frame since :meth:`settle` exactly once."""
         assert self.total() <= self.published - self._begin
         return self.total() == self.published - self._begin
 
     def show(self, message: Image | CompressedImage, text: str) -> None:
-        """Show a frame to the detector until its log holds a text."""
+        """Publish a frame until the log of the detector contains a text."""
         self.peer.until(lambda: text in self.process.output,
                         lambda: self.camera.publish(message))
 
     def report(self, *texts: str) -> DiagnosticStatus:
-        """Return the next diagnostics that hold all of some texts."""
+        """Return the next diagnostics that contain all of the texts."""
         self.reports.clear()
         return self.peer.until(lambda: next(
             (status for status in self.reports
@@ -150,7 +150,7 @@ def values(status: DiagnosticStatus) -> dict[str, str]:
 
 
 def same(message: PointCloud2, expected: list[np.ndarray], within: float = 1e-3) -> bool:
-    """Tell whether a message holds just these polylines."""
+    """Return whether a message contains exactly these polylines."""
     found = clouds.polylines(message)
     return len(found) == len(expected) and all(
         one.shape == other.shape and np.abs(one - other).max() < within

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 import pytest
-from qflsd_ros.ros.camera import CameraParameters
+from qflsd_ros.ros.camera import CameraSettings
 from qflsd_ros.ros.parameters.declaration import yaml_text
 from qflsd_ros.sources import Scene
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -62,7 +62,7 @@ def write_bag(path: Path, storage: StoragePlugin, count: int) -> str:
 
 
 def test_yaml_lists_every_parameter_with_its_default():
-    text = yaml_text((CameraParameters,)).replace('detector', 'camera')
+    text = yaml_text((CameraSettings,)).replace('detector', 'camera')
     assert (ROOT / 'config' / 'camera.yaml').read_text() == text
 
 
@@ -85,13 +85,13 @@ def test_scene_at_its_rate_for_both_kinds_of_subscription(peer, reliability):
 
 
 def cpu_time(process: Process) -> float:
-    """Return the time in s that a process has worked."""
+    """Return the CPU time of a process, s."""
     fields = Path(f'/proc/{process.popen.pid}/stat').read_text().rpartition(')')[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
 
 
 def test_scene_stands_still_while_nobody_looks(peer):
-    """It costs nothing then, and goes on where it was, at its pace and with stamps of now."""
+    """Without a subscriber it uses no CPU; later it resumes at its rate, with new stamps."""
     camera = start(peer, 'rate:=30.0', 'width:=320', 'height:=240')
     scene = Scene(320, 240)
     frames = [scene.image(number).tobytes() for number in range(400)]
@@ -184,7 +184,7 @@ def test_signals_end_it_with_exit_code_0(peer, number):
 
 
 def test_nothing_is_lost_by_a_best_effort_subscription_of_depth_1(peer):
-    """Send images of 300 KB at 30 Hz with the profile that makes room for them."""
+    """Images of 300 KB at 30 Hz, with the profile that enlarges the shared memory."""
     profile = {'FASTRTPS_DEFAULT_PROFILES_FILE': str(ROOT / 'config' / 'fastdds.xml')}
     path = peer.folder / 'flat.png'
     cv2.imwrite(str(path), np.zeros((480, 640), np.uint8))

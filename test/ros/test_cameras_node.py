@@ -1,4 +1,4 @@
-"""Four cameras, each with its detector in a namespace of its own, at once and from one file."""
+"""Four cameras and four detectors in namespaces, all configured by one file."""
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
@@ -15,7 +15,7 @@ LENGTHS = {'front': 15.0, 'left': 40.0, 'right': 130.0, 'rear': 200.0}
 
 
 def parameter_file(peer: Peer) -> str:
-    """Write one file for all: a section for each camera, and two with wildcards."""
+    """Write one file for all nodes: a section for each camera, and two with wildcards."""
     sections = {f'/{side}/detector': {'ros__parameters': {'min_length': length}}
                 for side, length in LENGTHS.items()}
     sections['/**'] = {'ros__parameters': {'hardware_id': 'car', 'polyline_tolerance': 0.3}}

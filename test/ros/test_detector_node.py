@@ -1,4 +1,4 @@
-"""The detector as a process of its own, over real DDS."""
+"""The detector as a process, over real DDS."""
 from __future__ import annotations
 
 from array import array
@@ -16,7 +16,7 @@ import pytest
 from qflsd_ros import overlay
 from qflsd_ros.core import Detector, Parameters
 from qflsd_ros.ros.output import clouds, palette
-from qflsd_ros.ros.parameters.declaration import NodeParameters
+from qflsd_ros.ros.parameters.declaration import Settings
 from rcl_interfaces.msg import Parameter as ParameterMsg
 from rcl_interfaces.srv import (
     GetParameters, ListParameters, SetParameters, SetParametersAtomically)
@@ -52,7 +52,7 @@ FOUR_K_CAMERA = BIG_CAMERA.replace(
 
 @pytest.fixture(scope='module')
 def rig(module_peer: Peer) -> Iterator[Rig]:
-    """Give one detector that the tests of this module share."""
+    """Give one detector, shared by the tests of this module."""
     yield Rig(module_peer, listen=('segments', 'arcs', 'markers', 'overlay')).ready()
 
 
@@ -68,7 +68,7 @@ def test_every_output_shows_the_same_arcs(rig: Rig) -> None:
     marker, = rig.detect(image(SCENE), 'markers').markers
     assert len(marker.points) == 2 * sum(len(line) - 1 for line in EXPECTED)
     picture = rig.detect(image(SCENE), 'overlay')
-    expected = overlay.draw(SCENE, arcs, NodeParameters().line_width)
+    expected = overlay.draw(SCENE, arcs, Settings().line_width)
     assert picture.encoding == 'bgr8' and bytes(picture.data) == expected.tobytes()
 
 
@@ -153,11 +153,13 @@ def test_parameters_take_effect_on_the_next_frame(rig: Rig) -> None:
 
 def test_parameters_are_refused_with_a_reason(rig: Rig) -> None:
     for changes, text in (
-            ({'tolerance': 99.0}, '99.0'), ({'contrast_low': 200.0}, 'contrast_high'),
-            ({'method': 'magic'}, 'arcs, paper'), ({'image_transport': 'raw'}, 'read-only'),
-            ({'no_such_thing': 1}, 'undeclared')):
+            ({'contrast_low': 200.0}, 'contrast_high'), ({'method': 'magic'}, 'arcs, paper')):
         result, = rig.change(**changes)
         assert not result.successful and text in result.reason, result.reason
+    # rclpy words these reasons, differently from one distribution to the next.
+    for name, value in (('tolerance', 99.0), ('image_transport', 'raw'), ('no_such_thing', 1)):
+        result, = rig.change(**{name: value})
+        assert not result.successful and result.reason
     both = [RosParameter('min_length', value=100.0).to_parameter_msg(),
             RosParameter('line_width', value=0).to_parameter_msg()]
     answer = rig.peer.call(SetParametersAtomically, '/detector/set_parameters_atomically',
@@ -175,7 +177,7 @@ def test_a_dump_of_all_parameters_loads_back(rig: Rig, peer: Peer) -> None:
     assert rig.change(line_width=7, hardware_id='left')[0].successful
     dumped = parameters_of(rig.peer)
     assert rig.change(line_width=2, hardware_id='')[0].successful
-    assert {field.name for kind in (Parameters, NodeParameters) for field in fields(kind)} \
+    assert {field.name for kind in (Parameters, Settings) for field in fields(kind)} \
         <= set(dumped)
     assert {name for name in dumped if name.startswith('qos_overrides./image.subscription.')}
     file = peer.folder / 'dump.yaml'
@@ -196,7 +198,7 @@ def test_a_misspelt_parameter_is_told_with_the_right_name(peer: Peer) -> None:
     file.write_text('/**: {ros__parameters: {min_lenght: 40.0, tolerance: 1, zzzz: 2}}')
     rig = Rig(peer, '--params-file', str(file), '-p',
               'qos_overrides./image.subscription.dept:=2').ready()
-    peer.until(lambda: 'zzzz' in rig.process.output)
+    peer.until(lambda: rig.process.output.count('it is ignored') == 3)
     assert 'no parameter min_lenght, it is ignored: did you mean min_length?' in rig.process.output
     assert 'no parameter zzzz, it is ignored' in rig.process.output
     assert 'did you mean qos_overrides./image.subscription.depth?' in rig.process.output
@@ -210,12 +212,12 @@ def test_a_misspelt_parameter_is_told_with_the_right_name(peer: Peer) -> None:
     ('lens:=on', ['lens is True', 'must be of type str']),
     ('tolerance:=wide', ["tolerance is 'wide'", 'float']),
     ('image_transport:=theora', ['image_transport', 'raw, compressed']),
-    ('use_sim_time:=7', ['use_sim_time', 'BOOL']),
+    ('use_sim_time:=7', ['use_sim_time']),
     ('mask:=nowhere.png', ['mask', 'nowhere.png', 'No such file']),
     ('mask:=setup.py', ['mask', 'setup.py', 'no image that can be read']),
     ('mask:=/dev/zero', ['parameter mask', '/dev/zero', 'is no file']),
     ('qos_overrides./image.subscription.reliability:=maybe', ['reliability', 'maybe']),
-    ('qos_overrides./detector/segments.publisher.depth:=deep', ['depth', 'INTEGER']),
+    ('qos_overrides./detector/segments.publisher.depth:=deep', ['depth', 'deep']),
 ])
 def test_a_bad_value_at_start_ends_with_one_clear_line(peer: Peer, argument: str,
                                                        texts: list[str]) -> None:
@@ -335,7 +337,7 @@ def test_the_newest_frame_wins_and_the_others_are_counted(peer: Peer) -> None:
 
 
 def test_parameter_services_answer_while_4k_frames_are_worked_on(peer: Peer) -> None:
-    """Half of the answers come at once, though the node is never idle."""
+    """The median answer takes less than 0.5 s, although the node is never idle."""
     profile = {'FASTRTPS_DEFAULT_PROFILES_FILE': str(ROOT / 'config' / 'fastdds.xml')}
     rig = Rig(peer, '-p', 'blur_sigma:=5.0', **profile)
     peer.run('-c', FOUR_K_CAMERA, **profile)

@@ -1,4 +1,4 @@
-"""What the statistics of the frames say in a report."""
+"""The report of the statistics of frames."""
 from __future__ import annotations
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -43,7 +43,7 @@ def test_every_loss_is_told_once_and_stays_counted(happen, words, key) -> None:
 
 
 class Hours:
-    """A clock for the test to turn, and a report at every full second of it."""
+    """A clock that the test advances, with a report at every full second."""
 
     def __init__(self) -> None:
         self.now = 0.0

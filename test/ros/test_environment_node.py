@@ -1,4 +1,4 @@
-"""A machine that lacks something: shared memory, a home that can be written, a good network."""
+"""Machines with defects: full shared memory, a read-only home, a bad network."""
 from __future__ import annotations
 
 import json
@@ -20,7 +20,7 @@ ORDINARY = ('test_segments_are_those_of_the_core', 'test_bad_frames_are_counted_
 
 
 def namespace(flags: str, script: str, timeout: float = 200.0) -> str:
-    """Run a shell script in Linux namespaces of its own; return what it says, or skip the test."""
+    """Run a shell script in new Linux namespaces; return its output, or skip the test."""
     if not shutil.which('unshare'):
         pytest.skip('there is no command unshare (package util-linux)')
     probe = subprocess.run(['unshare', flags, 'true'], capture_output=True, text=True)
@@ -33,7 +33,7 @@ def namespace(flags: str, script: str, timeout: float = 200.0) -> str:
 
 
 def test_a_full_shared_memory() -> None:
-    """DDS then talks over UDP: the detector does its work, in a room of 64 KiB."""
+    """DDS then uses UDP, and the detector works, with 64 KiB of shared memory."""
     tests = ' '.join(f'test/ros/test_detector_node.py::{name}' for name in ORDINARY)
     said = namespace('-Urm', 'mount -t tmpfs -o size=64k tmpfs /dev/shm; '
                      'head -c 30000 /dev/zero > /dev/shm/full || true; '
@@ -42,7 +42,7 @@ def test_a_full_shared_memory() -> None:
 
 
 def test_a_home_that_cannot_be_written(peer: Peer) -> None:
-    """It compiles at every start, and says so once, and how to change that."""
+    """The node compiles at every start, and logs once how to avoid that."""
     cache = peer.folder / 'cache'
     cache.write_text('a file where a folder should be')  # root may write into any folder
     rig = Rig(peer, HOME='/proc', XDG_CACHE_HOME=str(cache), NUMBA_OPT='0').ready()  # soon done
@@ -58,12 +58,12 @@ def test_no_place_for_logs_is_said_in_one_line(peer: Peer) -> None:
     assert process.wait() == 2
     line = process.output.splitlines()[-1]
     assert line.startswith('detector: ') and 'log directory' in line
-    assert line.endswith('set ROS_LOG_DIR to a folder that can be written')
+    assert line.endswith('set ROS_LOG_DIR to a writable folder')
     assert 'Traceback' not in process.output and os.listdir(peer.folder)
 
 
 def test_two_hosts_and_a_bad_cable_between_them(tmp_path: Path) -> None:
-    """50 ms, one frame in twenty lost, and all of them for 10 s: it goes on by itself."""
+    """With 50 ms of delay, 5 % of loss and a cut of 10 s, the detector recovers by itself."""
     environment = (f'cd {tmp_path}; export PYTHONPATH={ROOT} ROS_LOG_DIR={tmp_path} '
                    'ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET '
                    'FASTDDS_BUILTIN_TRANSPORTS=UDPv4; ')  # they share a memory, as hosts do not

@@ -1,4 +1,4 @@
-"""Faults around the detector, over real DDS: it is right after each, and counts what was lost."""
+"""Faults around the detector, over real DDS: it recovers from each, and counts lost frames."""
 from __future__ import annotations
 
 import itertools
@@ -22,10 +22,11 @@ if TYPE_CHECKING:
 CAMERA = ('-m', 'qflsd_ros.ros', 'camera', '--ros-args', '-p', 'width:=160', '-p', 'height:=120')
 WITHOUT_OVERLAY = """
 import sys
-from qflsd_ros.ros import detector, outputs
+from qflsd_ros.ros import detector
+from qflsd_ros.ros.output import clouds
 def fail(*_):
     raise ZeroDivisionError('no overlay')
-outputs.overlay_image = fail
+clouds.overlay_image = fail
 sys.exit(detector.main())
 """
 WAYS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
@@ -39,13 +40,13 @@ WAYS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
 
 @pytest.fixture(scope='module')
 def rig(module_peer: Peer) -> Iterator[Rig]:
-    """Give one detector that the tests of this module share, and whose faults add up."""
+    """Give one detector, shared by the tests of this module, so that their faults add up."""
     yield Rig(module_peer).ready()
 
 
 @pytest.fixture(autouse=True)
 def right_afterwards(request: pytest.FixtureRequest) -> Iterator[None]:
-    """Hold the shared detector to its duty after every fault."""
+    """Check after every fault that the shared detector still works."""
     yield
     if 'rig' in request.fixturenames:
         rig: Rig = request.getfixturevalue('rig')
@@ -56,14 +57,14 @@ def right_afterwards(request: pytest.FixtureRequest) -> Iterator[None]:
 
 def publish_for(rig: Rig, seconds: float, rate: float, meanwhile: Callable[[], None] = lambda: None
                 ) -> None:
-    """Publish frames at a rate for a while."""
+    """Publish frames at a rate for some seconds."""
     end = time.monotonic() + seconds
     rig.peer.until(lambda: time.monotonic() > end,
                    lambda: (rig.publish(image(SCENE)), meanwhile()), period=1 / rate)
 
 
 def account(rig: Rig) -> None:
-    """Return when every frame is accounted for; a last gap shows with the frame behind it."""
+    """Return when every frame is counted; a gap at the end shows only with a further frame."""
     rig.peer.until(rig.accounted, lambda: rig.publish(image(SCENE)), period=0.5)
 
 
@@ -81,7 +82,7 @@ def test_frames_that_change_size_and_encoding_from_one_to_the_next(rig: Rig) -> 
 
 
 def test_a_storm_of_parameters(rig: Rig) -> None:
-    """Two hundred sets in a second, each answered, the last one in force; frames go on."""
+    """Each of 200 changes in a second is answered, the last one applies, detection goes on."""
     rig.settle()
     client = rig.peer.node.create_client(SetParameters, '/detector/set_parameters')
     rig.peer.until(client.service_is_ready)
@@ -120,7 +121,7 @@ def test_listeners_that_come_and_go_a_hundred_times(rig: Rig) -> None:
 
 
 def test_a_detector_that_is_stopped_for_a_while(rig: Rig) -> None:
-    """It goes on with the newest frame, and counts those that it missed."""
+    """The detector continues with the newest frame, and counts the missed ones."""
     rig.settle()
     lost = int(values(rig.report('frames lost'))['frames lost'])
     rig.process.popen.send_signal(signal.SIGSTOP)
@@ -135,7 +136,7 @@ def test_a_detector_that_is_stopped_for_a_while(rig: Rig) -> None:
 
 
 def test_two_cameras_on_one_topic(rig: Rig) -> None:
-    """Each numbers its frames on its own: nothing is lost, and nothing counts as lost."""
+    """Both number their frames independently; no frame is lost, and none counts as lost."""
     rig.settle()
     lost = values(rig.report('frames lost'))['frames lost']
     first, rig.camera = rig.camera, rig.peer.node.create_publisher(
@@ -149,7 +150,7 @@ def test_two_cameras_on_one_topic(rig: Rig) -> None:
 
 
 def test_another_camera_takes_over(rig: Rig) -> None:
-    """Its numbers go on from where it was, and say nothing of the frames of the one before."""
+    """The numbers of one camera do not count as losses of the other."""
     rig.settle()
     lost = int(values(rig.report('frames lost'))['frames lost'])
     old = rig.camera
@@ -166,7 +167,7 @@ def test_another_camera_takes_over(rig: Rig) -> None:
 
 
 def test_messages_that_are_damaged(rig: Rig) -> None:
-    """DDS hands on what it gets: lengths that lie, no UTF-8, a byte order that nobody knows."""
+    """DDS delivers wrong lengths, text that is not UTF-8, and unknown byte orders."""
     rig.settle()
     good = serialize_message(image(SCENE[:40, :40].copy()))
     frame, encoding = good.index(b'camera_optical'), good.index(b'mono8')
@@ -197,7 +198,7 @@ def test_a_camera_that_is_killed_and_comes_back(peer: Peer) -> None:
 
 
 def test_a_result_that_cannot_be_built(peer: Peer, monkeypatch: pytest.MonkeyPatch) -> None:
-    """An error of this package in one of them keeps back no other, and is counted and logged."""
+    """An error in one output is counted and logged, and the other outputs are published."""
     monkeypatch.setattr('rig.NODE', ('-c', WITHOUT_OVERLAY, '--ros-args'))
     rig = Rig(peer, listen=('segments', 'overlay', 'camera_info'), lens='fixed').ready()
     assert rig.detect(image(SCENE)).width

@@ -1,4 +1,4 @@
-"""Whatever is sent, set or written into a file: an answer or a reason, and never an exception."""
+"""Random messages, parameters and files give a result or a reason, never an exception."""
 from __future__ import annotations
 
 from array import array
@@ -20,7 +20,7 @@ from qflsd_ros.ros.input.region import view
 from qflsd_ros.ros.output import camera_info
 from qflsd_ros.ros.output.camera_info import CalibrationError
 from qflsd_ros.ros.parameters import declaration
-from qflsd_ros.ros.parameters.node_parameters import check_together, NodeParameters
+from qflsd_ros.ros.parameters.node_parameters import check_together, Settings
 from qflsd_ros.ros.parameters.origin import origin
 from qflsd_ros.sources.frames import FrameError
 import rclpy
@@ -34,7 +34,7 @@ import yaml
 if TYPE_CHECKING:
     from conftest import Peer
 
-KINDS = (Parameters, NodeParameters)
+KINDS = (Parameters, Settings)
 NAMES = [field.name for kind in KINDS for field in fields(kind)]
 FLOATS = [field.name for kind in KINDS for field in fields(kind)
           if isinstance(field.default, float)]
@@ -103,7 +103,7 @@ def host(module_peer: Peer) -> Iterator[Host]:
 
 
 def test_images_over_dds(rig: Rig) -> None:
-    """Every one is worked off or counted as bad, with a reason of ours."""
+    """Every image is processed, or counted as bad with a reason of this package."""
     rig.settle()
 
     @bounded
@@ -126,7 +126,7 @@ def test_images_over_dds(rig: Rig) -> None:
 def test_images_and_regions(message: Image, white: float, x: int, size: int, width: int) -> None:
     try:
         gray = read_image(message, white)
-        mask = view(NodeParameters(roi_x=x, roi_height=size, max_width=width), *gray.shape).mask
+        mask = view(Settings(roi_x=x, roi_height=size, max_width=width), *gray.shape).mask
     except FrameError as error:
         assert error.reason and '\n' not in str(error)
         return
@@ -138,7 +138,7 @@ def test_images_and_regions(message: Image, white: float, x: int, size: int, wid
 @given(calibrations)
 def test_camera_info(info: CameraInfo) -> None:
     try:
-        found = planes(ARCS, camera_info.lens(info, '/camera_info', 240, 320))
+        found = planes(ARCS, camera_info.camera_model(info, '/camera_info', 240, 320))
     except CalibrationError as error:
         assert error.reason and '\n' not in str(error)
         return
@@ -183,7 +183,7 @@ def test_files_of_the_command(tmp_path: Path) -> None:
     def load(content: bytes) -> None:
         path.write_bytes(content)
         with suppress(SettingsError):
-            read(parser().parse_args(['a.png', '--params', str(path)]))
+            read(parser().parse_args(['a.png', '--params', str(path)]), print)
         assert isinstance(origin(' '.join(NAMES), ['--params-file', str(path)]), str)
 
     load()
@@ -191,7 +191,7 @@ def test_files_of_the_command(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize('seed', range(30))
 def test_files_of_the_node(tmp_path: Path, module_peer: Peer, seed: int) -> None:
-    """A file with some parameters, most of them in order: taken, or refused in one line."""
+    """A file with several parameters, most of them valid, is accepted, or refused in one line."""
     random = np.random.default_rng(seed)
     given_ = {name: VALUES[random.integers(len(VALUES))] if random.random() < 0.2
               else float(random.integers(1, 9)) for name in random.choice(FLOATS, 3).tolist()}

@@ -44,7 +44,7 @@ def test_rviz_follows_the_namespace(namespace: str) -> None:
 
 
 def test_respawn() -> None:
-    """It is off by default; a detector that cannot start is not started again at once."""
+    """Respawn is off by default, and waits before it starts a detector again."""
     launched = description(FILE)
     for given in ('true', 'false'):
         node, = launched.nodes(launched.given({'respawn': given}))
@@ -64,7 +64,7 @@ def test_arguments_are_described_and_checked() -> None:
 
 
 def test_the_detector_takes_what_it_is_launched_with(peer: Peer) -> None:
-    """In a namespace, on another topic, with parameters from a file: it finds arcs there."""
+    """The detector finds arcs in a namespace, on another topic, with parameters from a file."""
     file = peer.folder / 'mine.yaml'
     file.write_text('/left/detector: {ros__parameters: {min_length: 33.0}}')
     (_, executable, *arguments), = commands(FILE, namespace='left', image='/cam/image_raw',

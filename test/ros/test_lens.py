@@ -1,4 +1,4 @@
-"""What the node knows and says of the lens."""
+"""The live state of the lens, and its diagnostics."""
 from __future__ import annotations
 
 import numpy as np
@@ -8,8 +8,8 @@ from qflsd_ros.core.lens.conversion import calibration
 from qflsd_ros.core.lens.estimation import LensEstimate
 from qflsd_ros.core.lens.tracker import LensTracker
 from qflsd_ros.ros import lens
-from qflsd_ros.ros.output.camera_info import camera_info
-from qflsd_ros.ros.parameters.node_parameters import NodeParameters
+from qflsd_ros.ros.output.camera_info import message as message_of
+from qflsd_ros.ros.parameters.node_parameters import Settings
 from qflsd_ros.sources import Scene
 from std_msgs.msg import Header
 
@@ -19,9 +19,9 @@ ARCS = Detector().detect(Scene(640, 480, lam=-0.4).image(400))
 
 def test_off_and_fixed_take_no_notice_of_the_arcs():
     camera = lens.CameraLens()
-    assert camera.follow(ARCS, SHAPE, NodeParameters(lens='off')) is None
-    assert camera.values(NodeParameters(lens='off')) == {'lens': 'off'}
-    settings = NodeParameters(lens='fixed', lens_lambda=-0.7, lens_centre_y=250.0)
+    assert camera.follow(ARCS, SHAPE, Settings(lens='off')) is None
+    assert camera.values(Settings(lens='off')) == {'lens': 'off'}
+    settings = Settings(lens='fixed', lens_lambda=-0.7, lens_centre_y=250.0)
     model = camera.follow(Arcs.empty(), SHAPE, settings)
     assert model == DivisionModel(-0.7, SHAPE, (319.5, 250.0))
     values = camera.values(settings)
@@ -34,7 +34,7 @@ def test_off_and_fixed_take_no_notice_of_the_arcs():
 
 
 def test_estimate_follows_the_frames_and_begins_anew_when_asked():
-    camera, settings = lens.CameraLens(), NodeParameters(lens='estimate')
+    camera, settings = lens.CameraLens(), Settings(lens='estimate')
     assert camera.follow(Arcs.empty(), SHAPE, settings) is None
     assert camera.values(settings) == {'lens': 'estimate'}
     model = camera.follow(ARCS, SHAPE, settings)
@@ -45,31 +45,31 @@ def test_estimate_follows_the_frames_and_begins_anew_when_asked():
     assert int(values['lens arcs that agree']) > 20
     assert float(values['lens share of arcs that agree']) > 0.5
     assert values['lens outlier frames'] == '0'
-    # What follows is the same lens until the estimate begins anew.
+    # The lens stays the same until the settings of the estimate change.
     assert camera.known(SHAPE, settings) == model
     assert camera.follow(Arcs.empty(), SHAPE, settings) == model
-    assert camera.follow(ARCS, SHAPE, NodeParameters(lens_find_centre=True)).centre is not None
-    assert camera.known(SHAPE, NodeParameters(lens='off')) is None
+    assert camera.follow(ARCS, SHAPE, Settings(lens_find_centre=True)).centre is not None
+    assert camera.known(SHAPE, Settings(lens='off')) is None
     assert camera.follow(Arcs.empty(), SHAPE, settings) is None
 
 
 def test_what_is_known_before_a_frame():
-    camera, settings = lens.CameraLens(), NodeParameters(lens='estimate')
+    camera, settings = lens.CameraLens(), Settings(lens='estimate')
     assert camera.known(SHAPE, settings) is None
     model = camera.follow(ARCS, SHAPE, settings)
     assert camera.known(SHAPE, settings) == model
-    # Nothing of images of another size, until some have come; then nothing of these.
+    # An estimate holds for images of one size; another size replaces it.
     assert camera.known((240, 320), settings) is None
     assert camera.follow(ARCS.scaled(2), (960, 1280), settings).shape == (960, 1280)
     assert camera.known(SHAPE, settings) is None
-    # What is fixed is known of images of any size, before the first one.
-    settings = NodeParameters(lens='fixed', lens_lambda=-0.7)
+    # A fixed lens is known for images of any size, before the first one.
+    settings = Settings(lens='fixed', lens_lambda=-0.7)
     assert camera.known((3, 5), settings) == DivisionModel(-0.7, (3, 5), (2.0, 1.0))
 
 
 def test_camera_info():
     model, header = DivisionModel(-0.4, SHAPE, (330.0, 230.0)), Header(frame_id='eye')
-    message = camera_info(header, model, 300.0)
+    message = message_of(header, model, 300.0)
     assert message.header == header and (message.height, message.width) == SHAPE
     wanted = calibration(model, 300.0)
     assert message.distortion_model == wanted.distortion_model == 'rational_polynomial'
@@ -80,8 +80,8 @@ def test_camera_info():
 
 
 @pytest.mark.parametrize('settings, text', [
-    (NodeParameters(lens='off'), 'parameter lens is off: must be estimate or fixed'),
-    (NodeParameters(lens='estimate'), 'the lens is not known yet')])
+    (Settings(lens='off'), 'parameter lens is off: must be estimate or fixed'),
+    (Settings(lens='estimate'), 'the lens is not known yet')])
 def test_a_lens_that_is_not_known(settings, text):
     with pytest.raises(lens.LensError, match=text) as error:
         lens.required(None, settings)
@@ -91,7 +91,7 @@ def test_a_lens_that_is_not_known(settings, text):
 
 
 class Forgetful(LensTracker):
-    """A tracker whose other thread begins anew as soon as somebody has looked at the estimate."""
+    """A tracker that another thread resets as soon as the estimate has been read."""
 
     forgets = False
 
@@ -108,9 +108,9 @@ class Forgetful(LensTracker):
 
 
 def test_diagnostics_ask_while_the_lens_is_forgotten(monkeypatch):
-    """An image of another size begins the estimate anew, in the midst of a report."""
+    """An image of another size resets the estimate during a report."""
     monkeypatch.setattr(lens, 'LensTracker', Forgetful)
-    camera, settings = lens.CameraLens(), NodeParameters(lens='estimate')
+    camera, settings = lens.CameraLens(), Settings(lens='estimate')
     assert camera.follow(ARCS, SHAPE, settings) is not None
     monkeypatch.setattr(Forgetful, 'forgets', True)
     assert 'lens lambda deviation' in camera.values(settings)

@@ -1,4 +1,4 @@
-"""The lens, estimated live and made use of: of the detector as a process over real DDS."""
+"""The lens, estimated and used by the detector as a process over real DDS."""
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
@@ -20,7 +20,7 @@ ROOM = Scene(640, 480, lam=-0.4)
 
 
 def rectifying_map(info: object) -> np.ndarray:
-    """Return what a node that rectifies images looks up for each pixel, (H, W, 2) px."""
+    """Return the map that a rectifying node uses, (H, W, 2) px: the source of each pixel."""
     assert info.distortion_model == 'rational_polynomial'
     k, p = np.reshape(info.k, (3, 3)), np.reshape(info.p, (3, 4))[:, :3]
     return np.stack(cv2.initUndistortRectifyMap(
@@ -29,7 +29,7 @@ def rectifying_map(info: object) -> np.ndarray:
 
 
 def straightened(lam: float) -> np.ndarray:
-    """Return the same of a lens."""
+    """Return the exact map of a lens, (480, 640, 2) px."""
     y, x = np.mgrid[:480, :640]
     return DivisionModel(lam, (480, 640)).distort(np.stack([x, y], axis=-1))
 
@@ -97,7 +97,7 @@ def test_a_fixed_lens_is_made_use_of(peer: Peer) -> None:
 
 
 def test_what_the_frames_before_tell_is_made_use_of(peer: Peer) -> None:
-    """Nobody listens to anything about the lens; the camera changes its size, and back."""
+    """No topic of the lens has a subscription; the camera changes its size, and back."""
     rig = Rig(peer, lens='estimate').ready()
     rig.detect(image(BLACK))
     pictures = [ROOM.image(number) for number in (400, 410, 420)]

@@ -1,4 +1,4 @@
-"""Planes from camera_info, of the detector as a process over real DDS."""
+"""Planes from camera_info, published by the detector as a process over real DDS."""
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
@@ -24,16 +24,17 @@ def camera_info(**changes: object) -> CameraInfo:
 
 
 def test_planes_hold_the_lines(peer: Peer) -> None:
-    """Of a lens without distortion, every straight edge lies in its plane."""
+    """For a lens without distortion, every straight edge lies in its plane."""
     rig = Rig(peer, '-r', 'image:=/cam/image_raw', topic='/cam/image_raw',
               listen=('segments', 'planes')).ready()
     info = peer.node.create_publisher(CameraInfo, '/cam/camera_info', qos_profile_sensor_data)
-    rig.show(image(SCENE), 'no camera_info has come on /cam/camera_info')
+    rig.show(image(SCENE), 'no camera_info has been received on /cam/camera_info')
     # Everything else goes on without it.
     assert same(rig.detect(image(SCENE)), EXPECTED)
     assert rig.report('no camera_info').level == DiagnosticStatus.WARN
     for changes, text in (
-            ({'width': 640}, 'is of images of 640 x 240 pixels: must be of 320 x 240'),
+            ({'width': 640}, 'describes images of 640 x 240 pixels: must describe images of '
+             '320 x 240'),
             ({'distortion_model': 'fov'}, "distortion model is 'fov': must be one of plumb_bob"),
             ({'k': [0.0] * 9}, 'the camera is not calibrated')):
         peer.until(lambda: text in rig.process.output, lambda: (

@@ -1,4 +1,4 @@
-"""The parameter files for kinds of cameras hold known parameters with values that can be used."""
+"""The parameter files for kinds of cameras contain known parameters with valid values."""
 from __future__ import annotations
 
 from dataclasses import fields
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 from qflsd_ros.core import Detector, Parameters
-from qflsd_ros.ros.parameters.node_parameters import NodeParameters
+from qflsd_ros.ros.parameters.node_parameters import Settings
 from rig import image, Rig, same, SCENE
 import yaml
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from conftest import Peer
 
 CONFIG = Path(__file__).parents[2] / 'config'
-KINDS = (Parameters, NodeParameters)
+KINDS = (Parameters, Settings)
 PRESETS = ('fisheye', 'indoor', 'high_speed')
 
 

@@ -63,7 +63,7 @@ def test_every_topic_follows_its_override(peer: Peer, overridden: bool) -> None:
 
 
 def flags(title: str) -> list[str]:
-    """Return the flags that the README says to add for something."""
+    """Return the flags that the README gives for a purpose."""
     return shlex.split(re.search(rf'^\| {title}.*\| `([^`]*)` \|$', README, re.MULTILINE)[1])
 
 
@@ -86,7 +86,7 @@ def test_the_override_of_the_readme_beside_its_remap(peer: Peer, transport: list
 
 
 def test_an_override_of_a_topic_that_is_not_subscribed_to_is_told(peer: Peer) -> None:
-    """The name before remapping is no name."""
+    """An override must name the topic after remapping."""
     rig = Rig(peer, '-r', 'image:=/cam/image_raw', '-p',
               'qos_overrides./image.subscription.reliability:=reliable', topic='/cam/image_raw')
     peer.until(lambda: 'no parameter qos_overrides./image.subscription.reliability, it is ignored'

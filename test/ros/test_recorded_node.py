@@ -1,4 +1,4 @@
-"""What ``detect`` writes of a bag is what the node publishes when the bag is played to it."""
+"""The command ``detect`` writes of a bag exactly what the node publishes of it."""
 from __future__ import annotations
 
 from pathlib import Path
@@ -30,7 +30,7 @@ PARAMETERS = """\
 
 
 def frames(kind: type, count: int = 8) -> list[Any]:
-    """Return a camera's messages, each with a lens that the ones before tell."""
+    """Return the messages of a camera, from which the lens can be estimated."""
     room = Scene(480, 360, lam=-0.5)
     found = []
     for number in range(count):
@@ -52,7 +52,7 @@ def record(path: Path, kind: str, messages: list[Any]) -> None:
 
 
 def published(rig: Rig, message: Any) -> PointCloud2:
-    """Show a frame to the node once, for the next one depends on it; again if it was lost."""
+    """Publish a frame once, because the next result depends on it; again if it was lost."""
     for _ in range(3):
         rig.publish(message)
         try:
@@ -66,7 +66,7 @@ def published(rig: Rig, message: Any) -> PointCloud2:
 
 @pytest.mark.parametrize('kind', [Image, CompressedImage])
 def test_a_bag_has_what_the_node_publishes(peer: Peer, tmp_path: Path, kind: type) -> None:
-    """Byte for byte, with the lens as it comes to be known, and with parameters of all kinds."""
+    """Both agree byte for byte, with the estimated lens and with parameters of all kinds."""
     raw = kind is Image
     parameters = tmp_path / 'p.yaml'
     parameters.write_text(PARAMETERS)
@@ -89,7 +89,7 @@ def test_a_bag_has_what_the_node_publishes(peer: Peer, tmp_path: Path, kind: typ
 
 
 def rig_lambda(rig: Rig) -> str:
-    """Return the lens that the node has found, so that the test is about one."""
+    """Return the lambda that the node has estimated, which proves that there is a lens."""
     return next(value.value for value in rig.report('lens lambda').values
                 if value.key == 'lens lambda')
 

@@ -41,7 +41,7 @@ def memory_of(process: int) -> float:
 
 
 def watch(rig: Rig, seconds: float) -> list[Sample]:
-    """Show frames to a detector for a while; return a sample for each of its reports."""
+    """Publish frames for some time; return a sample for each report of the detector."""
     scene = Scene(640, 480, lam=-0.3)
     frames = itertools.cycle([image(scene.image(number)) for number in range(0, 200, 10)])
     samples: list[Sample] = []

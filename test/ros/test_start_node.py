@@ -1,4 +1,4 @@
-"""The first start ever: nodes are there, answer and end while their kernels are compiled."""
+"""The first start: nodes answer services, and end on a signal, while they compile kernels."""
 from __future__ import annotations
 
 import signal
@@ -34,7 +34,7 @@ def test_it_answers_and_says_what_it_does(peer: Peer, node: str, parameter: str)
 
 
 def test_diagnostics_say_how_far_it_is(peer: Peer) -> None:
-    """WARN until it detects; parameters are set meanwhile; no image counts as dropped."""
+    """The level is WARN until detection begins; parameters can be set; no image is dropped."""
     rig = Rig(peer, NUMBA_CACHE_DIR=str(peer.folder / 'cache'))
     first = rig.report('compiling kernels: ')
     assert first.level == DiagnosticStatus.WARN
@@ -60,7 +60,7 @@ def test_a_signal_ends_it_at_once(peer: Peer, node: str, number: int, pause: flo
 
 @pytest.mark.parametrize('node', ['camera', 'detector'])
 def test_what_the_compiler_raises_ends_the_node(peer: Peer, node: str) -> None:
-    """It is not left in the graph, forever compiling."""
+    """The node does not remain in the graph without ever becoming ready."""
     (peer.folder / 'sitecustomize.py').write_text(
         'import numba.core.compiler as compiler\n'
         'def fail(*_, **__): raise RuntimeError("no compiler")\n'

@@ -1,1 +1,1 @@
-"""From image messages to grey frames."""
+"""Input of the detector: subscriptions, image messages as grey frames, region and mask."""

@@ -1,4 +1,4 @@
-"""Compressed image messages as grey frames."""
+"""Conversion of compressed image messages into grey frames."""
 from __future__ import annotations
 
 import numpy as np
@@ -11,16 +11,16 @@ from sensor_msgs.msg import CompressedImage
 def decode(message: CompressedImage, white_level: float = 0.0,
            max_pixels: int = encoded.MAX_PIXELS) -> np.ndarray:
     """
-    Return a compressed image, JPEG or PNG, as a grey frame.
+    Decode a compressed image, JPEG or PNG, as a grey frame.
 
     Parameters
     ----------
     message
-        The image; what its ``format`` says is not looked at.
+        The image; its field ``format`` is ignored.
     white_level
-        Value that becomes 255 in images of 16 bits; 0 stands for 65535.
+        Pixel value that becomes 255 in images of 16 bits; 0 means 65535.
     max_pixels
-        Most pixels that an image may have, seen before it is decoded.
+        Largest number of pixels allowed, checked before the image is decoded.
 
     Returns
     -------
@@ -30,7 +30,7 @@ def decode(message: CompressedImage, white_level: float = 0.0,
     Raises
     ------
     DecodingError
-        The data is no JPEG or PNG, is damaged, or claims to be too large.
+        The data is neither JPEG nor PNG, is damaged, or declares too large an image.
 
     """
     data = bytes(message.data)

@@ -1,8 +1,9 @@
 """
-Image messages as grey frames.
+Conversion of image messages into grey frames.
 
-Integers of 16 bits and floats are scaled linearly from 0 to a white level, and what is beyond is
-cut off; YUV images give their luma, colour and Bayer images what OpenCV makes of them.
+Integers of 16 bits and floats are scaled linearly, so that 0 becomes 0 and the white level 255;
+values outside that range are clipped.  YUV images give their luma; OpenCV converts colour and
+Bayer images.
 """
 from __future__ import annotations
 
@@ -26,11 +27,23 @@ class ImageError(FrameError):
 
 
 class Layout(NamedTuple):
-    """How an encoding stores an image: type and number of a pixel's values, the way to grey."""
+    """
+    The layout of an image in one encoding.
+
+    Attributes
+    ----------
+    dtype
+        Type of a value in numpy's notation, without byte order.
+    channels
+        Number of values in a pixel.
+    to_gray
+        Converts an image, (H, W, channels), into grey values, (H, W).
+
+    """
 
     dtype: str
     channels: int
-    to_gray: Callable[[np.ndarray], np.ndarray]  # (H, W, channels) to (H, W)
+    to_gray: Callable[[np.ndarray], np.ndarray]
 
 
 def _channel(index: int) -> Callable[[np.ndarray], np.ndarray]:
@@ -55,7 +68,7 @@ LAYOUTS = {
     'uyvy': Layout('u1', 2, _channel(1)),
     'yuv422_yuy2': Layout('u1', 2, _channel(0)),
     'yuyv': Layout('u1', 2, _channel(0)),
-    # Luma comes first, as a plane of its own; the chroma behind it is not looked at.
+    # The plane of luma comes first; the chroma behind it is ignored.
     'nv12': Layout('u1', 1, _channel(0)),
     'nv21': Layout('u1', 1, _channel(0)),
     'nv24': Layout('u1', 1, _channel(0)),
@@ -77,28 +90,28 @@ for _bits, _dtype in ((8, 'u1'), (16, 'u2')):
 def read(message: Image | Frame, white_level: float = 0.0,
          max_pixels: int = MAX_PIXELS) -> np.ndarray:
     """
-    Return an image as a grey frame.
+    Convert an image into a grey frame.
 
     Parameters
     ----------
     message
-        The image, in one of the encodings of :data:`LAYOUTS`; or a frame of a recording, which
-        has the same fields.
+        The image, in one of the encodings of :data:`LAYOUTS`; a frame of a recording has the
+        same fields and is accepted as well.
     white_level
-        Value that becomes 255 in images of 16 bits or floats; 0 stands for 65535 with 16 bits
-        and for 1.0 with floats.
+        Pixel value that becomes 255 in images of 16 bits or floats; 0 means 65535 for 16 bits
+        and 1.0 for floats.
     max_pixels
-        Most pixels that an image may have.
+        Largest number of pixels allowed.
 
     Returns
     -------
     gray
-        (H, W) uint8; for mono8, 8UC1 and YUV a view of the message's own data, with its strides.
+        (H, W) uint8; for mono8, 8UC1 and YUV a view of the message's data, with its strides.
 
     Raises
     ------
     ImageError
-        The encoding is unknown, or sizes do not fit.
+        The encoding is unknown, or the sizes in the message contradict each other.
 
     """
     layout = LAYOUTS.get(message.encoding)

@@ -1,4 +1,4 @@
-"""How many frames were published and never came, by the numbers that publishers give them."""
+"""The number of frames lost on their way, by the sequence numbers of their publishers."""
 from __future__ import annotations
 
 from typing import Callable
@@ -6,37 +6,38 @@ from typing import Callable
 
 class Losses:
     """
-    Counts the frames that are missing between those that come.
+    Counts the frames missing between those that arrive.
 
-    The middleware says which number a frame has, and not whose: two publishers on one topic number
-    their frames each on its own.  So a gap counts while there is one publisher, and the same one;
-    at any other time only what the middleware reports itself does.
+    The middleware gives the sequence number of a frame, but not its publisher, and two publishers
+    on one topic number their frames independently.  A gap in the numbers therefore counts only
+    while the topic has one publisher and keeps it.  At any other time, only the losses that the
+    middleware reports itself count.
     """
 
     def __init__(self, publishers: Callable[[], frozenset[bytes]]) -> None:
-        """Take what returns the identifiers of all that publish on the topic now."""
-        self._look = publishers
-        self.begin_anew()
+        """Take a function that returns the identifiers of the topic's present publishers."""
+        self._find_publishers = publishers
+        self.restart()
 
-    def begin_anew(self) -> None:
-        """Begin with the next frame, by whoever publishes now."""
-        self._publishers = self._look()
+    def restart(self) -> None:
+        """Forget the last sequence number, and look up the publishers again."""
+        self._publishers = self._find_publishers()
         self._number: int | None = None
 
     def missing(self, number: int | None) -> int:
         """
-        Return how many frames are missing between the last one and this.
+        Return the number of frames missing between the last frame and this one.
 
-        ``number`` is the frame's, as its publisher counts; None where the middleware does not.
+        ``number`` is the sequence number of this frame; None if the middleware gives none.
         """
         last, self._number = self._number, number
         if last is None or number is None or number <= last + 1 or len(self._publishers) > 1:
             return 0
-        # One may have taken over from another before the middleware says that anything changed.
-        before, self._publishers = self._publishers, self._look()
+        # Another publisher may have taken over before the middleware reports the change.
+        before, self._publishers = self._publishers, self._find_publishers()
         return number - last - 1 if len(before) == 1 and self._publishers == before else 0
 
     def reported(self, count: int) -> int:
-        """Return how many of the frames that the middleware reports lost no gap shows."""
+        """Return how many of ``count`` losses that the middleware reports no gap will show."""
         shown = self._number is not None and len(self._publishers) == 1
         return 0 if shown else count

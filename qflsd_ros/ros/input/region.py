@@ -1,4 +1,4 @@
-"""The part of an image in which arcs are sought, and how finely; imports no ROS."""
+"""The region of an image in which arcs are detected, and its resolution; imports no ROS."""
 from __future__ import annotations
 
 from functools import cache, lru_cache
@@ -8,28 +8,28 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from qflsd_ros.ros.parameters.node_parameters import NodeParameters
+from qflsd_ros.ros.parameters.node_parameters import Settings
 from qflsd_ros.sources.files import read_image
 from qflsd_ros.sources.frames import FrameError
 from qflsd_ros.sources.reasons import Reason
 
-WHITE = 128  # grey levels from which on a pixel of a mask file is white
+WHITE = 128  # grey level from which on a pixel of a mask file is white, half of the range
 
 
 class ViewError(FrameError):
-    """A region or mask that does not fit."""
+    """The region or the mask does not fit the image."""
 
 
 class View(NamedTuple):
     """
-    How to look at images of one size.
+    The view of the detector on images of one size.
 
     Attributes
     ----------
     factor
-        By how much they are made smaller.
+        Factor by which they are reduced.
     mask
-        (H // factor, W // factor) bool, True where arcs are sought; None: everywhere.
+        (H // factor, W // factor) bool, True where arcs are detected; None means everywhere.
 
     """
 
@@ -38,16 +38,16 @@ class View(NamedTuple):
 
 
 @lru_cache(maxsize=1)
-def view(settings: NodeParameters, height: int, width: int) -> View:
+def view(settings: Settings, height: int, width: int) -> View:
     """
-    Return how to look at images of a size, in px.
+    Return the view on images of a height and width in px.
 
     Raises
     ------
     ViewError
-        The region lies outside, or the mask has another size.
+        The region lies outside the image, or the mask has another size.
     SourceError
-        The mask cannot be read, unless :func:`read_mask` has done so before.
+        The mask file cannot be read; :func:`read_mask` reads it once only.
 
     """
     limit = settings.max_width or width
@@ -56,7 +56,7 @@ def view(settings: NodeParameters, height: int, width: int) -> View:
     allowed[_region(settings, height, width)] = 255
     if settings.mask:
         allowed[~_fitting_mask(settings.mask, height, width)] = 0
-    # A block of pixels of which some are masked is masked.
+    # A pixel of the reduced image counts only if all pixels of its block do.
     mask = reduced(allowed, factor) == 255
     return View(factor, None if mask.all() else mask)
 
@@ -65,7 +65,7 @@ def reduced(image: np.ndarray, factor: int) -> np.ndarray:
     """
     Return the means of blocks of factor x factor pixels: (H // factor, W // factor) uint8.
 
-    Rows and columns at the end that fill no block are left out.
+    Rows and columns at the end that do not fill a block are left out.
     """
     if factor == 1:
         return image
@@ -76,7 +76,7 @@ def reduced(image: np.ndarray, factor: int) -> np.ndarray:
 
 @cache
 def read_mask(path: str) -> np.ndarray:
-    """Return an image file as a mask, (H, W) bool, read once; SourceError where that fails."""
+    """Read an image file as a mask, (H, W) bool, once; SourceError if it cannot be read."""
     return read_image(Path(path), colour=False) >= WHITE
 
 
@@ -85,11 +85,11 @@ def _fitting_mask(path: str, height: int, width: int) -> np.ndarray:
     if mask.shape != (height, width):
         raise ViewError(Reason.OTHER_MASK,
                         f'mask {path!r} has {mask.shape[1]} x {mask.shape[0]} pixels: must have '
-                        f'{width} x {height}, as the image')
+                        f'{width} x {height}, like the image')
     return mask
 
 
-def _region(settings: NodeParameters, height: int, width: int) -> tuple[slice, slice]:
+def _region(settings: Settings, height: int, width: int) -> tuple[slice, slice]:
     x, y = settings.roi_x, settings.roi_y
     if x >= width or y >= height:
         raise ViewError(Reason.REGION_OUTSIDE,

@@ -9,9 +9,9 @@ Item = TypeVar('Item')
 
 class Slot(Generic[Item]):
     """
-    A place for one item: the newest replaces one that nobody has taken yet.
+    A place for one item, in which a new item replaces one that has not been taken yet.
 
-    Iterating takes item after item, waiting for each, until the slot is closed.
+    Iteration takes one item after the other, waits for each, and ends when the slot is closed.
     """
 
     def __init__(self) -> None:
@@ -20,7 +20,7 @@ class Slot(Generic[Item]):
         self._changed = Condition()
 
     def put(self, item: Item) -> bool:
-        """Put an item in and tell whether it replaced another one."""
+        """Put an item in; return whether it replaced another one."""
         with self._changed:
             replaced = bool(self._items)
             self._items = [item]
@@ -28,13 +28,13 @@ class Slot(Generic[Item]):
         return replaced
 
     def close(self) -> None:
-        """End the iteration, whatever is still inside."""
+        """End the iteration; an item that still waits is discarded."""
         with self._changed:
             self._closed = True
             self._changed.notify_all()
 
     def __iter__(self) -> Iterator[Item]:
-        """Return the items as they come."""
+        """Yield the items as they arrive."""
         while True:
             with self._changed:
                 self._changed.wait_for(lambda: self._items or self._closed)

@@ -1,1 +1,1 @@
-"""From arcs to messages."""
+"""Output of the detector: the table of topics, publishers, and messages of arcs."""

@@ -1,4 +1,4 @@
-"""CameraInfo as the lens of the images that come with it, and the other way round."""
+"""CameraInfo messages: read as a calibrated camera, and written from a distortion model."""
 from __future__ import annotations
 
 from array import array
@@ -14,45 +14,47 @@ from std_msgs.msg import Header
 
 
 class CalibrationError(FrameError):
-    """A CameraInfo that is missing, or of no use for an image."""
+    """A CameraInfo that is missing, or that does not describe the camera of the image."""
 
 
-def lens(info: CameraInfo | None, topic: str, height: int, width: int) -> Lens:
+def camera_model(info: CameraInfo | None, topic: str, height: int, width: int) -> Lens:
     """
-    Return the lens through which an image was taken.
+    Return the calibrated camera that took an image.
 
     Parameters
     ----------
     info
-        The newest CameraInfo, or None while none has come.
+        The newest CameraInfo, None if none has been received.
     topic
-        Where it comes from, for what there is to say of it.
+        Name of its topic, for error messages.
     height, width
         Size of the image, px.
 
     Raises
     ------
     CalibrationError
-        There is none, it is of images of another size, or its model is unknown.
+        No CameraInfo has been received, it belongs to images of another size, its distortion
+        model is unknown, or its numbers describe no camera.
 
     """
     if info is None:
-        raise CalibrationError(Reason.NO_CALIBRATION, f'no camera_info has come on {topic}: '
-                               'there are no planes without it')
+        raise CalibrationError(
+            Reason.NO_CALIBRATION,
+            f'no camera_info has been received on {topic}: planes need one')
     if size(info) != (width, height):
         raise CalibrationError(
-            Reason.OTHER_CALIBRATION, f'camera_info on {topic} is of images of '
-            f'{" x ".join(map(str, size(info)))} pixels: must be of {width} x {height}, as the '
-            'image')
+            Reason.OTHER_CALIBRATION,
+            f'camera_info on {topic} describes images of {" x ".join(map(str, size(info)))} '
+            f'pixels: must describe images of {width} x {height}, like the one received')
     try:
         return Lens(info.distortion_model, matrix(info), np.array(info.d))
     except ValueError as error:
-        raise CalibrationError(Reason.BAD_CALIBRATION, f'camera_info on {topic}: {error}') \
-            from error
+        raise CalibrationError(
+            Reason.BAD_CALIBRATION, f'camera_info on {topic}: {error}') from error
 
 
 def size(info: CameraInfo) -> tuple[int, int]:
-    """Return width and height, px, of the images of a camera: of its region, after binning."""
+    """Return width and height of a camera's images, px: of its region, after binning."""
     columns, rows = binning(info)
     region = info.roi
     return ((region.width or info.width) // columns, (region.height or info.height) // rows)
@@ -60,10 +62,10 @@ def size(info: CameraInfo) -> tuple[int, int]:
 
 def matrix(info: CameraInfo) -> np.ndarray:
     """
-    Return the matrix K, (3, 3) float64, for the pixels of the images.
+    Return the camera matrix K, (3, 3) float64, for the pixels of a camera's images.
 
-    What CameraInfo holds is for the whole image without binning.  A binned pixel combines a
-    rectangle of pixels, and its coordinates are those of the rectangle's centre.
+    The K of the message holds for the whole sensor without binning.  A binned pixel combines a
+    rectangle of sensor pixels, and its coordinates are those of the centre of the rectangle.
     """
     result = np.reshape(info.k, (3, 3)).astype(float)
     offset = info.roi.x_offset, info.roi.y_offset
@@ -74,20 +76,28 @@ def matrix(info: CameraInfo) -> np.ndarray:
 
 
 def binning(info: CameraInfo) -> tuple[int, int]:
-    """Return how many columns and rows make a pixel; 0 in the message stands for 1."""
+    """Return the numbers of columns and rows that form one pixel; 0 in the message means 1."""
     return info.binning_x or 1, info.binning_y or 1
 
 
-def topic_of(image_topic: str) -> str:
-    """Return where the CameraInfo of an image topic is: beside it."""
-    return image_topic.rpartition('/')[0] + '/camera_info'
-
-
-def camera_info(header: Header, model: DivisionModel, focal_length: float) -> CameraInfo:
+def message(header: Header, model: DivisionModel, focal_length: float) -> CameraInfo:
     """
-    Return a lens such that nodes that rectify images straighten those with this header.
+    Return the CameraInfo with which a rectifying node straightens images of a lens.
 
-    The rectified image has the scale of the raw one at the centre of distortion.
+    Parameters
+    ----------
+    header
+        Header of the image.
+    model
+        Distortion model of the lens.
+    focal_length
+        Focal length at the centre, px; 0 selects one that is natural for the lens.
+
+    Returns
+    -------
+    info
+        At the centre of distortion, the rectified image has the scale of the raw one.
+
     """
     found = described(model, focal_length)
     height, width = model.shape

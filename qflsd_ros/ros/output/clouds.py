@@ -1,8 +1,8 @@
 """
-Arcs as ROS messages, and point clouds back as numpy arrays: pure functions.
+Conversion of arcs into ROS messages, and of point clouds into numpy arrays.
 
-All coordinates are px of the image; (0, 0) is the centre of the top-left pixel, x right, y down.
-Every message carries the header that it is given, as it is.
+Coordinates are px of the image: x right, y down, (0, 0) at the centre of the top-left pixel.
+Every message carries the given header unchanged.
 """
 from __future__ import annotations
 
@@ -25,27 +25,27 @@ CODES = {datatype: code for code, datatype in DATATYPES.items()}
 
 
 def segments(header: Header, arcs: Arcs, tolerance: float) -> PointCloud2:
-    """Return the arcs as lists of points, see ``records.of_segments``."""
+    """Return the points of all arcs, with fields and order of ``records.of_segments``."""
     return cloud(header, of_segments(arcs, tolerance))
 
 
 def arc_records(header: Header, arcs: Arcs) -> PointCloud2:
-    """Return one record for every arc; its fields are those of :data:`ARC`."""
+    """Return one record for each arc, with the fields of :data:`ARC`."""
     return cloud(header, of_arcs(arcs))
 
 
 def rectified(header: Header, arcs: Arcs, model: DivisionModel) -> PointCloud2:
-    """Return straight segments in the image without distortion, see ``records.of_rectified``."""
+    """Return straight segments of the undistorted image, see ``records.of_rectified``."""
     return cloud(header, of_rectified(arcs, model))
 
 
 def plane_records(header: Header, planes: Planes) -> PointCloud2:
-    """Return one record for every plane; its fields are those of :data:`PLANE`."""
+    """Return one record for each plane, with the fields of :data:`PLANE`."""
     return cloud(header, of_planes(planes))
 
 
 def overlay_image(header: Header, gray: np.ndarray, arcs: Arcs, line_width: int) -> Image:
-    """Return a grey frame (H, W) uint8 with its arcs drawn on it, encoded as bgr8."""
+    """Return a grey frame, (H, W) uint8, with its arcs drawn on it, as a bgr8 image."""
     picture = overlay.draw(gray, arcs, line_width)
     height, width, channels = picture.shape
     return Image(header=header, height=height, width=width, encoding='bgr8',
@@ -54,13 +54,13 @@ def overlay_image(header: Header, gray: np.ndarray, arcs: Arcs, line_width: int)
 
 def cloud(header: Header, table: np.ndarray) -> PointCloud2:
     """
-    Return a structured array as a point cloud of one row, a field for every column.
+    Return a structured array as a point cloud of one row, with one field for each column.
 
     It is dense unless a value is nan or infinite.
     """
     dense = all(np.isfinite(table[name]).all() for name in table.dtype.names)
     fields = [PointField(name=name, offset=offset, datatype=DATATYPES[kind.str[1:]], count=1)
-              for name, (kind, offset) in table.dtype.fields.items()]
+              for name, (kind, offset, *_) in (table.dtype.fields or {}).items()]
     return PointCloud2(
         header=header, height=1, width=len(table), fields=fields, is_bigendian=False,
         point_step=table.dtype.itemsize, row_step=table.nbytes, data=_bytes(table),
@@ -68,7 +68,7 @@ def cloud(header: Header, table: np.ndarray) -> PointCloud2:
 
 
 def records(message: PointCloud2) -> np.ndarray:
-    """Return a point cloud as a structured array over its own data, a column for every field."""
+    """Return a view of a point cloud as a structured array, with one column for each field."""
     order = '>' if message.is_bigendian else '<'
     dtype = np.dtype({
         'names': [field.name for field in message.fields],
@@ -79,7 +79,7 @@ def records(message: PointCloud2) -> np.ndarray:
 
 
 def polylines(message: PointCloud2) -> list[np.ndarray]:
-    """Return the point lists of a ``~/segments`` message: (K, 2) float32 each, in px."""
+    """Return the polylines of a ``~/segments`` message: a list of (K, 2) float32 arrays, px."""
     found = records(message)
     points = np.stack([found['x'], found['y']], axis=1)
     first = np.flatnonzero(np.diff(found['segment'])) + 1
@@ -87,5 +87,5 @@ def polylines(message: PointCloud2) -> list[np.ndarray]:
 
 
 def _bytes(values: np.ndarray) -> array[int]:
-    # An array('B') passes the message's setter whole; anything else is checked byte by byte.
+    # The setter of the message accepts an array('B') at once; any other type, byte by byte.
     return array('B', values.tobytes())

@@ -1,9 +1,9 @@
 """
-Arcs as a MarkerArray, already serialised.
+Conversion of arcs into a serialised MarkerArray.
 
-All arcs are one LINE_LIST, whose points and colours numpy writes straight into the serialised
-message: a Python object for each of ten thousand points would take longer than the detection.
-Being the same marker on every frame, it neither flickers in RViz nor leaves anything behind.
+All arcs form one LINE_LIST marker.  numpy writes its points and colours directly into the
+serialised message, because Python objects for ten thousand points would take longer than the
+detection.  Every frame replaces the same marker, so RViz neither flickers nor shows old arcs.
 """
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from rclpy.serialization import serialize_message
 from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
-ENCAPSULATION = 4  # bytes in front of a CDR stream, which alignment does not count
+ENCAPSULATION = 4  # bytes of CDR's header, which alignment does not count
 
 
 def markers(header: Header, arcs: Arcs, tolerance: float, metres_per_pixel: float,
             line_width: float, colour: str = 'id') -> bytes:
     """
-    Return the arcs as one LINE_LIST marker, or its deletion if there are none.
+    Return the arcs as one LINE_LIST marker, or the deletion of that marker without arcs.
 
     Parameters
     ----------
     header
         Header of the marker.
     arcs
-        What to show.
+        The arcs to show.
     tolerance
         Largest distance in px between an arc and its chords.
     metres_per_pixel
@@ -38,7 +38,7 @@ def markers(header: Header, arcs: Arcs, tolerance: float, metres_per_pixel: floa
     line_width
         Width of the lines in px.
     colour
-        What the colours stand for, see :mod:`qflsd_ros.ros.output.palette`.
+        Meaning of the colours, one of :data:`qflsd_ros.ros.output.palette.CHOICES`.
 
     Returns
     -------
@@ -70,18 +70,23 @@ def _chords(points: np.ndarray, counts: np.ndarray) -> np.ndarray:
 
 
 def _spliced(marker: Marker, chords: np.ndarray, shades: np.ndarray) -> bytes:
-    """Serialise a marker as if it had these ends of chords as points, and their colours."""
+    """
+    Serialise a marker with points and colours.
+
+    ``chords`` is (S, 2, 3) float64, ``shades`` (2 S, 4) float32: r, g, b, a of each end.
+    """
     tail = _tail()
     empty = serialize_message(MarkerArray(markers=[marker]))
-    head = empty[:len(empty) - len(tail) - 8]  # up to the lengths of points and colours
+    head = empty[:len(empty) - len(tail) - 8]  # without the two lengths, which are 0 here
     length = np.array(len(shades), '<u4')
     padding = bytes(-(len(head) + length.nbytes - ENCAPSULATION) % 8)
-    return b''.join([head, length, padding, chords.data, length, shades.data, tail])
+    return b''.join([head, length.tobytes(), padding, chords.data, length.tobytes(), shades.data,
+                     tail])
 
 
 @cache
 def _tail() -> bytes:
-    """Return what follows the colours in a serialised marker; it is the same for all of ours."""
+    """Return the bytes after the colours in a serialised marker, the same for all markers."""
     white = ColorRGBA(r=1.0, g=1.0, b=1.0, a=1.0)
     whole = serialize_message(MarkerArray(markers=[Marker(colors=[white])]))
     last = np.ones(4, '<f4').tobytes()

@@ -1,4 +1,4 @@
-"""Colours that say something about an arc: pure numpy, imports no ROS."""
+"""Colours of arcs by one of their properties; imports no ROS."""
 from __future__ import annotations
 
 from typing import Callable
@@ -8,14 +8,16 @@ import numpy as np
 from qflsd_ros import overlay
 from qflsd_ros.core.arcs import Arcs
 
-STEPS = 256
+STEPS = 256  # entries of OpenCV's colour maps
 
 
 def _logarithm(values: np.ndarray, low: float, high: float) -> np.ndarray:
+    """Return values on a logarithmic scale on which low is 0 and high is 1; never below 0."""
     return np.log(np.maximum(values, low) / low) / np.log(high / low)
 
 
-# From what is blue (0) to what is red (1): the same on every frame, so that no colour flickers.
+# Scales from 0 (blue) to 1 (red), the same in every frame, so that colours do not flicker.  Their
+# ends span the arcs of a usual image.
 SCALES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     'length': lambda table: _logarithm(table['length'], 10, 1000),               # px
     'curvature': lambda table: _logarithm(np.abs(table['curvature']), 1e-5, 1e-2),  # 1/px
@@ -26,10 +28,10 @@ CHOICES = ('id', *SCALES)
 
 def colours(arcs: Arcs, by: str) -> np.ndarray:
     """
-    Return a colour for every arc: (M, 3) uint8, B, G, R.
+    Return one colour for each arc: (M, 3) uint8; blue, green, red.
 
-    By ``id``, all colours differ; by ``length`` (10 to 1000 px), ``curvature`` (1e-5 to 1e-2 per
-    px, either way) or ``score`` (1 to 1000), they go from blue to red on a logarithmic scale.
+    By ``id``, all colours differ.  By ``length`` (10 to 1000 px), absolute ``curvature`` (1e-5 to
+    1e-2 per px) or ``score`` (1 to 1000), they run from blue to red on a logarithmic scale.
     """
     if by == 'id':
         return overlay.colours(len(arcs))
@@ -38,5 +40,5 @@ def colours(arcs: Arcs, by: str) -> np.ndarray:
 
 
 def _ramp() -> np.ndarray:
-    """Return the colour map: (STEPS, 3) uint8, B, G, R."""
+    """Return the colour map: (STEPS, 3) uint8; blue, green, red."""
     return cv2.applyColorMap(np.arange(STEPS, dtype=np.uint8), cv2.COLORMAP_TURBO).reshape(-1, 3)

@@ -1,1 +1,1 @@
-"""ROS parameters: declaration, files, and those of the node."""
+"""ROS parameters: the settings of the node, their declaration, and parameter files."""

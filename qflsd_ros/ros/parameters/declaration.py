@@ -1,7 +1,8 @@
 """
-Dataclasses made of :func:`qflsd_ros.core.parameters.parameter` fields as ROS parameters.
+Declaration of the fields of dataclasses as ROS parameters.
 
-Run as a module, it prints ``config/detector.yaml``.
+The dataclasses consist of :func:`qflsd_ros.core.parameters.parameter` fields.  Run as a module,
+this file prints ``config/detector.yaml``.
 """
 from __future__ import annotations
 
@@ -9,10 +10,10 @@ import dataclasses
 import difflib
 import json
 import sys
-from typing import Any, Callable, Iterable, Mapping, Sequence, TypeVar
+from typing import Any, Callable, Iterable, Mapping, Sequence
 
 from qflsd_ros.core.parameters import meant, Parameters
-from qflsd_ros.ros.parameters.node_parameters import NodeParameters
+from qflsd_ros.ros.parameters.node_parameters import Settings
 from qflsd_ros.ros.parameters.origin import unmatched
 from rcl_interfaces.msg import (
     FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult)
@@ -27,15 +28,13 @@ YAML_HEAD = """\
   ros__parameters:
 """
 
-Settings = TypeVar('Settings')
-
 
 class ParameterError(Exception):
-    """A parameter given at start that cannot be used; the text names it and what is right."""
+    """A parameter given at start cannot be used; the text names it and the values allowed."""
 
 
 def descriptor(field: dataclasses.Field[Any]) -> ParameterDescriptor:
-    """Describe a dataclass field to ROS: sentence and unit, range, choices, read-only or not."""
+    """Return the ROS descriptor of a field: description, unit, range, choices, read-only."""
     meta = field.metadata
     unit = f' Unit: {meta["unit"]}.' if meta['unit'] else ''
     result = ParameterDescriptor(
@@ -54,21 +53,21 @@ def descriptor(field: dataclasses.Field[Any]) -> ParameterDescriptor:
 def attach(node: Node, kinds: Sequence[type], apply: Callable[..., None],
            check: Callable[..., None] = lambda *_: None) -> None:
     """
-    Declare the fields of dataclasses as parameters of a node, and follow every change of them.
+    Declare the fields of dataclasses as parameters of a node, and apply every change of them.
 
-    Whatever is set together is checked together and applied together, or refused together with
-    the reason.  An integer is as good as a floating-point number with no decimals.
+    Values that are set together are checked together, and either all applied or all refused with
+    a reason.  An integer is accepted for a floating-point number.
 
     Parameters
     ----------
     node
-        The node that gets the parameters.
+        The node that declares the parameters.
     kinds
         Dataclasses made of ``parameter()`` fields.
     apply
-        Called with an instance of each of ``kinds``, now and after every change.
+        Called with one instance of each of ``kinds``, now and after every change.
     check
-        Called with the same before that; raises ValueError where they contradict each other.
+        Called with the same instances before; raises ValueError if they contradict each other.
 
     Raises
     ------
@@ -107,7 +106,7 @@ def attach(node: Node, kinds: Sequence[type], apply: Callable[..., None],
 
 
 def warn_of_unknown(node: Node) -> None:
-    """Warn of every value given at start that no declared parameter takes, and of idle files."""
+    """Warn of values given at start for unknown parameters, and of files for other nodes."""
     for line in unmatched(sys.argv, node.get_fully_qualified_name()):
         node.get_logger().warning(line)
     known = node.list_parameters([], 0).names
@@ -118,16 +117,16 @@ def warn_of_unknown(node: Node) -> None:
             node.get_logger().warning(f'there is no parameter {name}, it is ignored{hint}')
 
 
-def yaml_text(kinds: Iterable[type] = (Parameters, NodeParameters)) -> str:
-    """Return a parameter file that holds every field with its default, a comment line each."""
+def yaml_text(kinds: Iterable[type] = (Parameters, Settings)) -> str:
+    """Return a parameter file with every field at its default, each below a comment line."""
     return YAML_HEAD + ''.join(
         f'    # {field.metadata["description"]}{_bracketed(_allowed(field))}\n'
         f'    {yaml.safe_dump({field.name: field.default})}'
         for kind in kinds for field in dataclasses.fields(kind))
 
 
-def markdown_table(kinds: Iterable[type] = (Parameters, NodeParameters)) -> str:
-    """Return a table of every field: name, default, range with unit, sentence."""
+def markdown_table(kinds: Iterable[type] = (Parameters, Settings)) -> str:
+    """Return a table with a row for each field: name, default, range with unit, description."""
     rows = [
         f'| `{field.name}` | `{json.dumps(field.default)}` | {_allowed(field)} '
         f'| {field.metadata["description"]} |'
@@ -140,7 +139,7 @@ def _bracketed(text: str) -> str:
 
 
 def _allowed(field: dataclasses.Field[Any]) -> str:
-    """Say which numbers a field takes, and their unit; nothing of what is no number."""
+    """Return the range of a field and its unit; an empty text for a field without a range."""
     meta = field.metadata
     if meta['low'] is None:
         return ''
@@ -148,8 +147,8 @@ def _allowed(field: dataclasses.Field[Any]) -> str:
 
 
 def _given(node: Node) -> dict[str, Any]:
-    """Return the values given at start by the command line and YAML files, declared or not."""
-    # rclpy offers them nowhere in public.
+    """Return the values given at start by the command line and by files, declared or not."""
+    # rclpy has no public access to them.
     return _values(node._parameter_overrides.values())
 
 
@@ -157,13 +156,15 @@ def _values(changes: Iterable[RosParameter]) -> dict[str, Any]:
     return {change.name: change.value for change in changes}
 
 
-def _replaced(current: Sequence[Settings], values: Mapping[str, Any]) -> list[Settings]:
+def _replaced(current: Sequence[Any], values: Mapping[str, Any]) -> list[Any]:
+    """Return instances of dataclasses with some fields replaced; they check themselves."""
     return [dataclasses.replace(settings, **{
         field.name: values[field.name] for field in dataclasses.fields(settings)
         if field.name in values}) for settings in current]
 
 
 def _widened(change: RosParameter, kinds: Sequence[type]) -> RosParameter:
+    """Return a change with its value in the type of the field, if that loses nothing."""
     for field in (field for kind in kinds for field in dataclasses.fields(kind)):
         value = meant(field, change.value)
         if field.name == change.name and type(value) is not type(change.value):

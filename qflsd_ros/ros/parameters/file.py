@@ -1,10 +1,10 @@
 """
-ROS parameter files, read as rcl and rclpy read them; imports no ROS.
+ROS parameter files, interpreted as rcl and rclpy do; imports no ROS.
 
-A file has sections, each for the nodes whose full name its own name matches: ``*`` stands for one
-part of a name, ``**`` for any number of them.  A name that does not begin with a slash gets one,
-and namespaces may be nested.  Of all sections that match, the later one wins, however specific the
-others are; where a section stands is where its name comes first.
+A file consists of sections.  The name of a section is a pattern for full names of nodes: ``*``
+matches one part of a name, ``**`` any number of parts.  A name without a leading slash gets one,
+and namespaces may be nested.  If several sections match a node, later ones override earlier ones,
+however specific they are; the position of a section is that of the first use of its name.
 """
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ import yaml
 
 SECTION = 'ros__parameters'
 WILDCARDS = {'/**': r'(/\w+)*', '*': r'\w+'}
-LIMIT = 1 << 20     # bytes; a file of every parameter has some 10 thousand
+LIMIT = 1 << 20     # bytes; a file with every parameter has about 10 thousand
 TRUE = {'Y', 'y', 'yes', 'Yes', 'YES', 'true', 'True', 'TRUE', 'on', 'On', 'ON'}
 FALSE = {'N', 'n', 'no', 'No', 'NO', 'false', 'False', 'FALSE', 'off', 'Off', 'OFF'}
 INTEGER = re.compile(r'[+-]?(0[xX][0-9a-fA-F]+|0[0-7]*|[1-9][0-9]*)')
@@ -27,20 +27,20 @@ STRING = 'tag:yaml.org,2002:str'
 
 
 class FileError(ValueError):
-    """A parameter file that cannot be read; the text says in a line what and where."""
+    """A parameter file cannot be read; the text is one line that names the file and the error."""
 
 
 @dataclass
 class Section:
     """
-    What a file says of the nodes that a name matches.
+    The parameters of the nodes that match one name.
 
     Attributes
     ----------
     values
-        By name of the parameter; names within names are joined by dots.
+        Values by the name of the parameter; nested names are joined by dots.
     lines
-        From 1, of the same.
+        Line numbers of the same parameters, from 1.
 
     """
 
@@ -50,30 +50,31 @@ class Section:
 
 class Loader(yaml.BaseLoader):
     """
-    YAML as far as ROS takes it: without aliases (``*name``).
+    YAML without aliases (``*name``).
 
-    rcl takes none, and a dozen lines of them can stand for gigabytes.
+    rcl refuses aliases, and a dozen lines of them can expand to gigabytes.
     """
 
-    def compose_node(self, parent: yaml.Node | None, index: yaml.Node | int | None) -> yaml.Node:
-        """Return the next node, with its tag as written; yaml.YAMLError where it is an alias."""
-        event = self.peek_event()
+    # The annotations of PyYAML call these arguments less general than they are.
+    def compose_node(self, parent: Any, index: Any) -> yaml.Node:
+        """Return the next node with its tag as written; yaml.YAMLError if it is an alias."""
+        event: Any = self.peek_event()  # type: ignore[no-untyped-call]
         if isinstance(event, yaml.AliasEvent):
-            raise yaml.YAMLError(f'line {event.start_mark.line + 1}: alias *{event.anchor}: '
-                                 'a ROS parameter file has none, write out what it stands for')
-        node = super().compose_node(parent, index)
+            raise yaml.YAMLError(f'line {_line(event)}: alias *{event.anchor}: a ROS parameter '
+                                 'file must not have aliases, write the value itself')
+        node: Any = super().compose_node(parent, index)
         node.tag = event.tag
         return node
 
 
 def read(path: Path) -> dict[str, Section]:
     """
-    Return the sections of a file by their names, in order.
+    Return the sections of a file by their names, in the order of the file.
 
     Raises
     ------
     FileError
-        The file cannot be read, or is no ROS parameter file.
+        The file cannot be read, or is not a ROS parameter file.
 
     """
     try:
@@ -94,14 +95,14 @@ def read(path: Path) -> dict[str, Section]:
 
 
 def matches(name: str, node: str) -> bool:
-    """Tell whether a section's name matches the full name of a node."""
+    """Return whether the name of a section matches the full name of a node."""
     pattern = ''.join(WILDCARDS.get(part, re.escape(part))
                       for part in re.split(r'(/\*\*|\*)', name))
     return re.fullmatch(pattern, node) is not None
 
 
 def merged(sections: dict[str, Section], node: str) -> Section | None:
-    """Return what sections say of a node, of its full name; None where none of them matches."""
+    """Return the parameters of a node, given its full name; None if no section matches."""
     found = [section for name, section in sections.items() if matches(name, node)]
     if not found:
         return None
@@ -113,20 +114,26 @@ def merged(sections: dict[str, Section], node: str) -> Section | None:
 
 
 def unmatched(path: Path, sections: dict[str, Section], node: str) -> str:
-    """Say in a line that no section of a file matches a node."""
+    """Return the message that no section of a file matches a node."""
     names = ', '.join(sections) or 'none at all'
     return (f'{path}: no section matches the node {node}, all of it is ignored: it has {names}; '
             f'/** matches any node')
 
 
-def _sections(node: yaml.Node, above: str) -> Iterator[tuple[str, int, yaml.Node]]:
-    """Yield the name of every section, its line and what it holds."""
+def _line(position: yaml.Node | yaml.Event) -> int:
+    """Return the line on which a node or an event begins, from 1."""
+    assert position.start_mark is not None  # every one that is read from a file has a mark
+    return position.start_mark.line + 1
+
+
+def _sections(node: yaml.Node, above: str) -> Iterator[tuple[str, int, yaml.MappingNode]]:
+    """Yield name, line and content of each section; ``above`` is the namespace around it."""
     if not isinstance(node, yaml.MappingNode):
-        raise FileError(f'line {node.start_mark.line + 1}: must have the layout of a ROS '
+        raise FileError(f'line {_line(node)}: must have the layout of a ROS '
                         f'parameter file: "/**:", below it "{SECTION}:", below that '
                         '"name: value" lines')
     for key, value in node.value:
-        line = key.start_mark.line + 1
+        line = _line(key)
         name = _name(key)
         if not name.startswith(SECTION):
             yield from _sections(value, f'{above}/{name}' if above else name)
@@ -138,43 +145,45 @@ def _sections(node: yaml.Node, above: str) -> Iterator[tuple[str, int, yaml.Node
 
 
 def _parameters(node: yaml.MappingNode, above: str) -> Iterator[tuple[str, int, Any]]:
+    """Yield name, line and value of each parameter; ``above`` is the name around it."""
     for key, value in node.value:
         name = f'{above}.{_name(key)}' if above else _name(key)
         if isinstance(value, yaml.MappingNode):
             yield from _parameters(value, name)
         else:
-            yield name, key.start_mark.line + 1, _value(value)
+            yield name, _line(key), _value(value)
 
 
 def _name(key: yaml.Node) -> str:
     if not isinstance(key, yaml.ScalarNode) or not key.value:
-        raise FileError(f'line {key.start_mark.line + 1}: must have a name before the colon')
+        raise FileError(f'line {_line(key)}: must have a name before the colon')
     return key.value
 
 
 def _value(node: yaml.Node) -> Any:
-    """Return a value as rcl understands it, which is not quite as YAML has it: 1e3 is a number."""
+    """Return a value as rcl interprets it, which differs from YAML: 1e3 is a number."""
     if isinstance(node, yaml.SequenceNode):
         return [_value(value) for value in node.value]
     if not isinstance(node, yaml.ScalarNode):
-        raise FileError(f'line {node.start_mark.line + 1}: a list must hold values alone')
+        raise FileError(f'line {_line(node)}: a list must contain only values')
     text, quoted = node.value, node.style in ('"', "'")
     if not text and not quoted:
-        raise FileError(f'line {node.start_mark.line + 1}: has no value')
+        raise FileError(f'line {_line(node)}: has no value')
     return text if quoted or node.tag == STRING else _plain(text)
 
 
 def _plain(text: str) -> bool | int | float | str:
+    """Return the value of a text without quotes."""
     if text in TRUE or text in FALSE:
         return text in TRUE
     if INTEGER.fullmatch(text):
         digits = text.lstrip('+-')
         octal = len(digits) > 1 and digits[0] == '0' and digits[1] not in 'xX'
-        number = int(text, 8 if octal else 0)
-        return number if -2 ** 63 <= number < 2 ** 63 else float(number)
+        whole = int(text, 8 if octal else 0)
+        return whole if -2 ** 63 <= whole < 2 ** 63 else float(whole)
     if DECIMAL.fullmatch(text):
         number = float(text)
-        # What is too large or too small for a number stays text.
-        small = number == 0 and re.search('[1-9]', text.lower().partition('e')[0])
-        return text if small or abs(number) == float('inf') else number
+        # A number out of the range of float64 stays a text.
+        too_small = number == 0 and re.search('[1-9]', text.lower().partition('e')[0])
+        return text if too_small or abs(number) == float('inf') else number
     return float(text.replace('.', '')) if NOT_FINITE.fullmatch(text) else text

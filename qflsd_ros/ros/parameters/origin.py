@@ -1,4 +1,4 @@
-"""Where a parameter was set: rcl reads parameter files and does not tell; imports no ROS."""
+"""The lines of parameter files that set a parameter, which rcl does not report; imports no ROS."""
 from __future__ import annotations
 
 from pathlib import Path
@@ -11,9 +11,10 @@ from qflsd_ros.ros.parameters.file import FileError, Section
 
 def origin(text: str, arguments: Sequence[str]) -> str:
     """
-    Say which lines of parameter files set the parameters that a text names.
+    Return the lines of parameter files that set the parameters named in a text.
 
-    ``arguments`` is the command line.  Returns ' (FILE, line N)', or nothing where no file does.
+    ``arguments`` is the command line.  The result is ' (FILE, line N; ...)', or an empty text if
+    no file sets one of them.
     """
     places = [f'{file}, line {line}' for file, sections in files(arguments)
               for section in sections.values() for name, line in section.lines.items()
@@ -22,17 +23,17 @@ def origin(text: str, arguments: Sequence[str]) -> str:
 
 
 def unmatched(arguments: Sequence[str], node: str) -> Iterator[str]:
-    """Yield a line for every parameter file of a command line that says nothing of a node."""
+    """Yield a message for each parameter file of a command line without a section for a node."""
     for file, sections in files(arguments):
         if parameter_file.merged(sections, node) is None:
             yield parameter_file.unmatched(Path(file), sections, node)
 
 
 def files(arguments: Sequence[str]) -> Iterator[tuple[str, dict[str, Section]]]:
-    """Yield the parameter files of a command line that can be read, each with its sections."""
+    """Yield the readable parameter files of a command line, each with its sections."""
     for flag, file in zip(arguments, arguments[1:]):
         if flag == '--params-file':
             try:
                 yield file, parameter_file.read(Path(file))
             except FileError:
-                pass  # rcl has said what is wrong with it
+                pass  # rcl itself reports the error

@@ -11,7 +11,7 @@ from qflsd_ros.core import Arcs, Detector, DivisionModel, Parameters
 from qflsd_ros.core.detection import noise, thresholds
 from qflsd_ros.core.detection.region import MARGIN, region
 from qflsd_ros.ros.input.region import reduced, view
-from qflsd_ros.ros.parameters.node_parameters import NodeParameters
+from qflsd_ros.ros.parameters.node_parameters import Settings
 from rendering import half_plane, off_line, render
 from scenery import noise as texture
 from scenery import scene
@@ -145,7 +145,7 @@ def test_what_is_no_mask(mask):
 @given(st.integers(0, 20), st.integers(0, 100), st.integers(0, 80), st.integers(20, 140),
        st.integers(20, 100), st.sampled_from([0, 80]))
 def test_no_arc_leaves_the_region_of_the_node(seed, x, y, width, height, max_width):
-    settings = NodeParameters(roi_x=x, roi_y=y, roi_width=width, roi_height=height,
+    settings = Settings(roi_x=x, roi_y=y, roi_width=width, roi_height=height,
                               max_width=max_width)
     factor, mask = view(settings, *SHAPE)
     arcs = Detector(Parameters(min_score=-1000.0)).detect(reduced(scene(seed), factor), mask)

@@ -1,4 +1,4 @@
-"""JPEG and PNG are decoded when they are what they claim, and of a size that can be."""
+"""JPEG and PNG are decoded, unless they are damaged or too large."""
 from __future__ import annotations
 
 from array import array
@@ -24,13 +24,13 @@ def message(data: bytes) -> CompressedImage:
 
 
 def png_of(width: int, height: int) -> bytes:
-    """Return a small PNG that claims a size."""
+    """Return a small PNG that declares a given size."""
     header = b'IHDR' + struct.pack('>II', width, height) + PNG[24:29]
     return PNG[:12] + header + struct.pack('>I', zlib.crc32(header)) + PNG[33:]
 
 
 def jpeg_of(width: int, height: int) -> bytes:
-    """Return a small JPEG that claims a size."""
+    """Return a small JPEG that declares a given size."""
     at = JPEG.index(b'\xff\xc0')
     return JPEG[:at + 5] + struct.pack('>HH', height, width) + JPEG[at + 9:]
 
@@ -47,7 +47,7 @@ def test_images_are_decoded(extension: str, pixels: np.ndarray) -> None:
 @pytest.mark.parametrize('channels', [1, 3, 4])
 @pytest.mark.parametrize('bits', [10, 12, 16])
 def test_16_bits_are_scaled_as_those_of_raw_images(bits: int, channels: int) -> None:
-    """A camera of 10 bits in a PNG of 16: white_level does what it does to mono16."""
+    """For 10 bits in a PNG of 16 bits, white_level has the same effect as for mono16."""
     white = 2 ** bits - 1
     values = np.rint(SMOOTH * (white / 255)).astype(np.uint16)
     pixels = np.dstack([values] * channels)

@@ -1,4 +1,4 @@
-"""Every encoding gives the right grey values; whatever does not fit is named."""
+"""Every encoding gives the right grey values, and errors name their cause."""
 from __future__ import annotations
 
 from array import array
@@ -18,7 +18,7 @@ SMOOTH = np.add.outer(4 * np.arange(24), 3 * np.arange(32)).astype(np.uint8)
 
 
 def image(encoding: str, pixels: np.ndarray, padding: int = 0, big: bool = False) -> Image:
-    """Return a message that holds rows of pixels, each followed by some bytes of padding."""
+    """Return a message with rows of pixels, each followed by some bytes of padding."""
     pixels = pixels.astype(pixels.dtype.newbyteorder('>' if big else '<'))
     height, width = pixels.shape[:2]
     rows = np.ascontiguousarray(pixels).view(np.uint8).reshape(height, -1)
@@ -72,7 +72,7 @@ def test_byte_order(encoding: str, pixels: np.ndarray, gray: np.ndarray, big: bo
 @pytest.mark.parametrize('depth', [8, 16])
 @pytest.mark.parametrize('pattern', ['rggb', 'bggr', 'gbrg', 'grbg'])
 def test_bayer(pattern: str, depth: int) -> None:
-    """A smooth coloured image seen through the filters of a sensor comes back as its luma."""
+    """The Bayer mosaic of a smooth coloured image gives the luma of that image."""
     shares = {'r': 0.4, 'g': 1.0, 'b': 0.7}
     mosaic = np.empty_like(SMOOTH)
     for i, letter in enumerate(pattern):

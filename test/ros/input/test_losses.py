@@ -1,4 +1,4 @@
-"""Frames that are missing are told from those of another publisher."""
+"""Missing frames are distinguished from frames of another publisher."""
 from __future__ import annotations
 
 from qflsd_ros.ros.input.losses import Losses
@@ -7,7 +7,7 @@ A, B = b'a', b'b'
 
 
 class Topic:
-    """A topic with publishers that the test chooses."""
+    """A topic whose publishers the test chooses."""
 
     def __init__(self, *publishers: bytes) -> None:
         self.publishers = frozenset(publishers)
@@ -21,7 +21,7 @@ class Topic:
         """Let others publish; the middleware may tell at once, or later."""
         self.publishers = frozenset(publishers)
         if told:
-            self.losses.begin_anew()
+            self.losses.restart()
 
 
 def test_gaps_of_one_publisher_count() -> None:

@@ -1,4 +1,4 @@
-"""Region, mask and scale become one array and one factor for each size of images."""
+"""Region, mask and scale give one array and one factor for each size of images."""
 from __future__ import annotations
 
 import os
@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 from qflsd_ros.ros.input.region import read_mask, reduced, View, view, ViewError
-from qflsd_ros.ros.parameters.node_parameters import NodeParameters
+from qflsd_ros.ros.parameters.node_parameters import Settings
 from qflsd_ros.sources import SourceError
 
 
@@ -21,12 +21,12 @@ def write_mask(folder: Path, black: tuple[slice, slice], shape: tuple[int, int])
 
 
 def test_by_default_the_whole_image_is_looked_at_as_it_is() -> None:
-    assert view(NodeParameters(), 480, 640) == View(1, None)
-    assert view(NodeParameters(max_width=640), 480, 640) == View(1, None)
+    assert view(Settings(), 480, 640) == View(1, None)
+    assert view(Settings(max_width=640), 480, 640) == View(1, None)
 
 
 def test_a_region_is_all_that_is_looked_at() -> None:
-    mask = view(NodeParameters(roi_x=10, roi_y=20, roi_width=30, roi_height=5), 100, 200).mask
+    mask = view(Settings(roi_x=10, roi_y=20, roi_width=30, roi_height=5), 100, 200).mask
     assert mask is not None and mask.shape == (100, 200)
     assert mask[20:25, 10:40].all() and mask.sum() == 5 * 30
 
@@ -35,19 +35,19 @@ def test_a_region_is_all_that_is_looked_at() -> None:
     ({'roi_x': 150}, 100 * 50), ({'roi_y': 40}, 60 * 200), ({'roi_width': 7}, 100 * 7),
     ({'roi_x': 190, 'roi_width': 500}, 100 * 10)])
 def test_a_region_goes_on_to_the_rim(changes: dict[str, int], area: int) -> None:
-    mask = view(NodeParameters(**changes), 100, 200).mask
+    mask = view(Settings(**changes), 100, 200).mask
     assert mask is not None and mask.sum() == area
 
 
 def test_mask_and_region_both_hold(tmp_path: Path) -> None:
     path = write_mask(tmp_path, np.s_[:50, :], (100, 200))
-    mask = view(NodeParameters(mask=path, roi_width=20), 100, 200).mask
+    mask = view(Settings(mask=path, roi_width=20), 100, 200).mask
     assert mask is not None and mask[50:, :20].all() and mask.sum() == 50 * 20
 
 
 def test_the_mask_shrinks_with_the_image_and_keeps_what_it_covers(tmp_path: Path) -> None:
     path = write_mask(tmp_path, np.s_[:, 90:91], (100, 201))
-    factor, mask = view(NodeParameters(mask=path, max_width=50), 100, 201)
+    factor, mask = view(Settings(mask=path, max_width=50), 100, 201)
     assert factor == 5 and mask is not None and mask.shape == (20, 40)
     assert np.flatnonzero(~mask.all(axis=0)).tolist() == [18]
 
@@ -55,7 +55,7 @@ def test_the_mask_shrinks_with_the_image_and_keeps_what_it_covers(tmp_path: Path
 @pytest.mark.parametrize('width, height, limit, factor', [
     (640, 480, 320, 2), (641, 480, 320, 3), (640, 480, 639, 2), (640, 2, 10, 2), (1, 1, 1, 1)])
 def test_factor(width: int, height: int, limit: int, factor: int) -> None:
-    assert view(NodeParameters(max_width=limit), height, width).factor == factor
+    assert view(Settings(max_width=limit), height, width).factor == factor
 
 
 @pytest.mark.parametrize('factor', [1, 2, 3])
@@ -74,13 +74,13 @@ def test_reduced_gives_means_of_blocks(factor: int) -> None:
 ])
 def test_what_does_not_fit_is_named(changes: dict, reason: str, texts: list[str]) -> None:
     with pytest.raises(ViewError) as caught:
-        view(NodeParameters(**changes), 100, 200)
+        view(Settings(**changes), 100, 200)
     assert caught.value.reason == reason
     assert all(text in str(caught.value) for text in texts), str(caught.value)
 
 
 def made(folder: Path, kind: str) -> Path:
-    """Make something in the place of a mask file that is none."""
+    """Make a file that is not a mask."""
     path = folder / kind
     if kind == 'pipe':
         os.mkfifo(path)
@@ -97,7 +97,7 @@ def made(folder: Path, kind: str) -> Path:
     ('', 'is no file'), ('huge', 'must have at most'), ('nowhere', 'No such file'),
     ('text', 'no image that can be read'), ('/proc/kmsg', '/proc/kmsg')])
 def test_what_is_no_image_file_is_named_at_once(tmp_path: Path, kind: str, text: str) -> None:
-    """Pipes and devices would give bytes for ever, or never."""
+    """Pipes and devices would give bytes without end, or never any."""
     path = made(tmp_path, kind)
     with pytest.raises(SourceError, match=text) as caught:
         read_mask(str(path))
@@ -105,7 +105,7 @@ def test_what_is_no_image_file_is_named_at_once(tmp_path: Path, kind: str, text:
 
 
 def test_a_mask_has_the_orientation_of_the_sensor(tmp_path: Path) -> None:
-    """As images have: an orientation tag turns neither."""
+    """An orientation tag turns neither masks nor images."""
     pixels = np.zeros((10, 20), np.uint8)
     pixels[:, 10:] = 255
     jpeg = cv2.imencode('.jpg', pixels)[1].tobytes()
@@ -120,7 +120,7 @@ def test_a_mask_has_the_orientation_of_the_sensor(tmp_path: Path) -> None:
 def test_a_mask_of_another_size_is_named(tmp_path: Path) -> None:
     path = write_mask(tmp_path, np.s_[:, :9], (10, 20))
     with pytest.raises(ViewError, match='has 20 x 10 pixels: must have 200 x 100'):
-        view(NodeParameters(mask=path), 100, 200)
+        view(Settings(mask=path), 100, 200)
 
 
 def test_the_file_is_read_once(tmp_path: Path) -> None:

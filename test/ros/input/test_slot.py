@@ -1,4 +1,4 @@
-"""The newest item wins, and the one who puts it in knows what it replaced."""
+"""The newest item replaces a waiting one, and its sender knows that."""
 from __future__ import annotations
 
 from threading import Thread

@@ -1,4 +1,4 @@
-"""CameraInfo with a region and with binning is a camera of the image's own pixels."""
+"""A CameraInfo with region and binning gives a camera for the pixels of the image."""
 from __future__ import annotations
 
 import numpy as np
@@ -24,12 +24,12 @@ def info(binning: tuple[int, int] = (0, 0), region: tuple[int, int, int, int] = 
 @pytest.mark.parametrize('region', [(0, 0, 0, 0), (80, 40, 400, 240), (7, 5, 633, 475)])
 def test_a_pixel_looks_where_its_rectangle_looks(binning: tuple[int, int],
                                                  region: tuple[int, int, int, int]) -> None:
-    """The middle of the pixels of the sensor that it combines."""
+    """The ray of a binned pixel is that of the centre of its sensor pixels."""
     columns, rows = max(1, binning[0]), max(1, binning[1])
     x, y, width, height = region
     size = ((width or 640) // columns, (height or 480) // rows)
-    lens = camera_info.lens(info(binning, region), '/camera_info', size[1], size[0])
-    whole = camera_info.lens(info(), '/camera_info', 480, 640)
+    lens = camera_info.camera_model(info(binning, region), '/camera_info', size[1], size[0])
+    whole = camera_info.camera_model(info(), '/camera_info', 480, 640)
     pixels = np.array([[0, 0], [30, 40], [size[0] - 1, size[1] - 1]], float)
     first = (x, y) + pixels * (columns, rows)
     last = first + (columns - 1, rows - 1)
@@ -41,7 +41,7 @@ def test_a_pixel_looks_where_its_rectangle_looks(binning: tuple[int, int],
     ((2, 4), (8, 8, 100, 50), '50 x 12'), ((10**6, 1), (0, 0, 0, 0), '0 x 480')])
 def test_images_of_another_size_are_named(binning: tuple[int, int],
                                           region: tuple[int, int, int, int], wanted: str) -> None:
-    with pytest.raises(CalibrationError, match=f'is of images of {wanted} pixels: must be of '
-                       '640 x 480') as caught:
-        camera_info.lens(info(binning, region), '/camera_info', 480, 640)
+    with pytest.raises(CalibrationError, match=f'describes images of {wanted} pixels: '
+                       'must describe images of 640 x 480') as caught:
+        camera_info.camera_model(info(binning, region), '/camera_info', 480, 640)
     assert caught.value.reason == 'camera_info of another size'

@@ -1,4 +1,4 @@
-"""Messages hold what the arcs hold, and give it back."""
+"""Messages contain the data of the arcs, and can be read back."""
 from __future__ import annotations
 
 from array import array
@@ -191,7 +191,7 @@ def test_the_colour_of_an_arc_is_the_same_whatever_is_beside_it(by: str) -> None
 
 
 def test_markers_are_cheap() -> None:
-    """Of 500 arcs with 20 points each, in CPU time of this thread."""
+    """CPU time of this thread for 500 arcs with 20 points each."""
     arcs = circle_arcs(500)
     counts = arcs.vertices(0.38)[1]
     assert counts.mean() == pytest.approx(20, abs=1.5)

@@ -1,4 +1,4 @@
-"""Dataclasses, config/detector.yaml and the parameters a node declares say the same."""
+"""Dataclasses, config/detector.yaml and declared parameters agree."""
 from __future__ import annotations
 
 from dataclasses import fields
@@ -8,16 +8,16 @@ from typing import Any, Iterator
 import pytest
 from qflsd_ros.core.parameters import Parameters
 from qflsd_ros.ros.parameters import declaration
-from qflsd_ros.ros.parameters.node_parameters import check_together, NodeParameters
+from qflsd_ros.ros.parameters.node_parameters import check_together, Settings
 import rclpy
 from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 import yaml
 
-KINDS = (Parameters, NodeParameters)
+KINDS = (Parameters, Settings)
 FIELDS = [field for kind in KINDS for field in fields(kind)]
-YAML_FILE = Path(__file__).parents[2] / 'config' / 'detector.yaml'
+YAML_FILE = Path(__file__).parents[3] / 'config' / 'detector.yaml'
 
 
 class Host(Node):
@@ -26,7 +26,7 @@ class Host(Node):
     def __init__(self, context: Context, given: dict[str, Any]) -> None:
         super().__init__('host', context=context, parameter_overrides=[
             RosParameter(name, value=value) for name, value in given.items()])
-        self.applied: list[tuple[Parameters, NodeParameters]] = []
+        self.applied: list[tuple[Parameters, Settings]] = []
         declaration.attach(self, KINDS, lambda *settings: self.applied.append(settings),
                            check_together)
 
@@ -39,7 +39,7 @@ class Host(Node):
 
 @pytest.fixture
 def context() -> Iterator[Context]:
-    """Give a ROS context in which no other process takes part."""
+    """Give a ROS context without any other process."""
     context = Context()
     rclpy.init(args=[], context=context, domain_id=101)
     yield context
@@ -73,12 +73,12 @@ def test_declared_parameters_equal_the_dataclasses(context: Context) -> None:
             [] if field.metadata['low'] is None
             else [(field.metadata['low'], field.metadata['high'])])
         assert all(bounds.step == 0 for bounds in described.floating_point_range)
-    assert host.applied == [(Parameters(), NodeParameters())]
+    assert host.applied == [(Parameters(), Settings())]
 
 
 def test_what_is_given_at_start_counts(context: Context) -> None:
     host = Host(context, {'tolerance': 2, 'line_width': 3, 'seed_of_nobody': 1})
-    assert host.applied == [(Parameters(tolerance=2.0), NodeParameters(line_width=3))]
+    assert host.applied == [(Parameters(tolerance=2.0), Settings(line_width=3))]
     assert host.get_parameter('tolerance').type_ is RosParameter.Type.DOUBLE
 
 
@@ -101,7 +101,7 @@ def test_what_cannot_be_used_at_start_is_named(context: Context, given: dict[str
 def test_changes_are_applied_together_or_not_at_all(context: Context) -> None:
     host = Host(context, {})
     assert host.change(contrast_low=40.0, contrast_high=60.0, line_width=5) == ''
-    new = (Parameters(contrast_low=40.0, contrast_high=60.0), NodeParameters(line_width=5))
+    new = (Parameters(contrast_low=40.0, contrast_high=60.0), Settings(line_width=5))
     assert host.applied[1:] == [new]
     assert 'contrast_low is 70.0' in host.change(contrast_low=70.0, line_width=9)
     assert host.applied[1:] == [new]
@@ -114,11 +114,11 @@ def test_changes_are_applied_together_or_not_at_all(context: Context) -> None:
 
 def test_off_is_a_choice_though_yaml_reads_it_as_false(context: Context) -> None:
     host = Host(context, {'lens': False})
-    assert host.applied == [(Parameters(), NodeParameters(lens='off'))]
+    assert host.applied == [(Parameters(), Settings(lens='off'))]
     assert host.change(lens='estimate') == ''
     assert host.change(lens=False) == ''
     assert host.get_parameter('lens').value == 'off'
-    assert 'STRING' in host.change(lens=True)
+    assert host.change(lens=True) and host.get_parameter('lens').value == 'off'
 
 
 def test_an_integer_will_do_for_a_floating_point_number(context: Context) -> None:
@@ -129,18 +129,27 @@ def test_an_integer_will_do_for_a_floating_point_number(context: Context) -> Non
 
 
 @pytest.mark.parametrize('values, texts', [
-    ({'tolerance': 99.0}, ['tolerance', '99.0', '0.1', '10.0']),
-    ({'tolerance': 'wide'}, ['DOUBLE', 'STRING']),
-    ({'tolerance': None}, ['cannot be undeclared']),
-    ({'tolerance': float('nan')}, ['tolerance', 'nan']),
     ({'method': 'magic'}, ["method is 'magic'", 'arcs, paper']),
-    ({'image_transport': 'compressed'}, ['read-only', 'image_transport']),
+    ({'contrast_high': 2.0}, ['contrast_low is 3.5', 'contrast_high', '2.0']),
+    ({'marker_colour': 'mood'}, ["marker_colour is 'mood'", 'id, length']),
 ])
 def test_a_refused_change_says_why(context: Context, values: dict[str, Any],
                                    texts: list[str]) -> None:
     host = Host(context, {})
     reason = host.change(**values)
-    assert reason and all(text in reason for text in texts), reason
+    assert all(text in reason for text in texts), reason
+    assert len(host.applied) == 1
+
+
+@pytest.mark.parametrize('name, value', [
+    ('tolerance', 99.0), ('tolerance', 'wide'), ('tolerance', None), ('tolerance', float('nan')),
+    ('line_width', 0), ('line_width', 1.5), ('image_transport', 'compressed')])
+def test_rclpy_refuses_what_a_descriptor_excludes(context: Context, name: str, value: Any) -> None:
+    """Its reasons differ from one distribution to the next, so that only their presence counts."""
+    host = Host(context, {})
+    before = host.get_parameter(name).value
+    assert host.change(**{name: value})
+    assert host.get_parameter(name).value == before
     assert len(host.applied) == 1
 
 

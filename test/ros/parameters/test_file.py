@@ -1,4 +1,4 @@
-"""Parameter files mean here what they mean to rcl."""
+"""Parameter files are interpreted as by rcl."""
 from __future__ import annotations
 
 from pathlib import Path
@@ -34,7 +34,7 @@ LAYOUTS = [
 
 
 def of_rcl(path: Path, namespace: str) -> dict[str, Any] | None:
-    """Return what a node gets of a file; None where rcl refuses it."""
+    """Return the values that a node gets from a file; None if rcl refuses the file."""
     context = Context()
     try:
         rclpy.init(args=['x', '--ros-args', '--params-file', str(path)], context=context)

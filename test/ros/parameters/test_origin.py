@@ -1,4 +1,4 @@
-"""The lines of parameter files that set what an error names."""
+"""Errors name the lines of parameter files that set a parameter."""
 from __future__ import annotations
 
 from pathlib import Path

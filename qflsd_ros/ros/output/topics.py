@@ -1,0 +1,151 @@
+"""
+The outputs of the detector: one row for each topic, and nothing else to change for a new one.
+
+The node advertises every row of :data:`OUTPUTS`, and builds a message only for topics that have a
+subscription.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Callable, NamedTuple
+
+import numpy as np
+from qflsd_ros.core import Arcs
+from qflsd_ros.core.geometry.planes import planes
+from qflsd_ros.core.lens.camera_model import Lens
+from qflsd_ros.core.lens.division import DivisionModel
+from qflsd_ros.core.lens.estimation import with_straightness
+from qflsd_ros.ros import lens
+from qflsd_ros.ros.output import camera_info, clouds
+from qflsd_ros.ros.output.markers import markers
+from qflsd_ros.ros.parameters.node_parameters import Settings
+from sensor_msgs.msg import CameraInfo, Image, PointCloud2
+from std_msgs.msg import Header
+from visualization_msgs.msg import MarkerArray
+
+
+@dataclass(frozen=True)
+class Result:
+    """
+    The arcs of one frame, and the data from which its messages are built.
+
+    Attributes
+    ----------
+    header
+        Header of the image message; every output carries it unchanged.
+    gray
+        (H, W) uint8, the frame.
+    arcs
+        Its arcs, in px of ``gray``.
+    settings
+        Parameters of the node.
+    model
+        The distortion model of the lens, None while it is unknown.
+    calibration
+        The newest camera_info beside the image, None if there has been none.
+    calibration_topic
+        Name of its topic, for error messages.
+
+    """
+
+    header: Header
+    gray: np.ndarray
+    arcs: Arcs
+    settings: Settings
+    model: DivisionModel | None
+    calibration: CameraInfo | None
+    calibration_topic: str
+
+    @cached_property
+    def arcs_with_straightness(self) -> Arcs:
+        """Return the arcs with the column ``straight``, computed once for all outputs."""
+        return with_straightness(self.arcs, self.model)
+
+
+Need = Callable[[Result], Any]
+
+
+def straightness(result: Result) -> Arcs:
+    """Return the arcs with the column ``straight``, which is nan while the lens is unknown."""
+    return result.arcs_with_straightness
+
+
+def distortion(result: Result) -> DivisionModel:
+    """Return the distortion model of the lens; LensError while it is unknown."""
+    return lens.required(result.model, result.settings)
+
+
+def calibration(result: Result) -> Lens:
+    """Return the calibrated camera; CalibrationError if the camera_info does not give one."""
+    return camera_info.camera_model(
+        result.calibration, result.calibration_topic, *result.gray.shape)
+
+
+class Output(NamedTuple):
+    """
+    One topic of the detector.
+
+    Attributes
+    ----------
+    topic
+        Its name, relative to the node.
+    message_type
+        Type of its messages.
+    build
+        Returns the message, or its serialised bytes, of a result and of whatever ``needs`` give.
+    needs
+        Functions of a result whose values ``build`` takes after it.
+
+    """
+
+    topic: str
+    message_type: type
+    build: Callable[..., Any]
+    needs: tuple[Need, ...] = ()
+
+    def message(self, result: Result) -> Any:
+        """Build the message of a result; FrameError if one of the needs cannot be met."""
+        return self.build(result, *(need(result) for need in self.needs))
+
+
+def _segments(result: Result) -> PointCloud2:
+    return clouds.segments(result.header, result.arcs, result.settings.polyline_tolerance)
+
+
+def _arcs(result: Result, arcs: Arcs) -> PointCloud2:
+    return clouds.arc_records(result.header, arcs)
+
+
+def _markers(result: Result) -> bytes:
+    settings = result.settings
+    return markers(result.header, result.arcs, settings.polyline_tolerance,
+                   settings.metres_per_pixel, settings.line_width, settings.marker_colour)
+
+
+def _overlay(result: Result) -> Image:
+    return clouds.overlay_image(
+        result.header, result.gray, result.arcs, result.settings.line_width)
+
+
+def _camera_info(result: Result, model: DivisionModel) -> CameraInfo:
+    return camera_info.message(result.header, model, result.settings.focal_length)
+
+
+def _rectified(result: Result, arcs: Arcs, model: DivisionModel) -> PointCloud2:
+    return clouds.rectified(result.header, arcs, model)
+
+
+def _planes(result: Result, camera: Lens) -> PointCloud2:
+    return clouds.plane_records(result.header, planes(result.arcs, camera))
+
+
+OUTPUTS = (
+    Output('~/segments', PointCloud2, _segments),
+    Output('~/arcs', PointCloud2, _arcs, (straightness,)),
+    Output('~/markers', MarkerArray, _markers),
+    Output('~/overlay', Image, _overlay),
+    Output('~/camera_info', CameraInfo, _camera_info, (distortion,)),
+    Output('~/rectified', PointCloud2, _rectified, (straightness, distortion)),
+    Output('~/planes', PointCloud2, _planes, (calibration,)),
+)
