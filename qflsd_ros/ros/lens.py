@@ -4,7 +4,7 @@ from __future__ import annotations
 from functools import lru_cache
 
 from qflsd_ros.core.arcs import Arcs
-from qflsd_ros.core.lens.conversion import Calibration, calibration
+from qflsd_ros.core.lens.conversion import camera_info_terms, CameraInfoTerms
 from qflsd_ros.core.lens.division import DivisionModel
 from qflsd_ros.core.lens.estimation import LensEstimate
 from qflsd_ros.core.lens.tracker import LensTracker
@@ -91,9 +91,9 @@ def fixed(settings: NodeParameters, shape: tuple[int, int]) -> DivisionModel:
 
 
 @lru_cache(maxsize=2)
-def described(model: DivisionModel, focal_length: float) -> Calibration:
+def described(model: DivisionModel, focal_length: float) -> CameraInfoTerms:
     """Return what CameraInfo says of a lens, computed anew only for another one."""
-    return calibration(model, focal_length)
+    return camera_info_terms(model, focal_length)
 
 
 def required(model: DivisionModel | None, settings: NodeParameters) -> DivisionModel:

@@ -4,7 +4,7 @@ from __future__ import annotations
 from array import array
 
 import numpy as np
-from qflsd_ros.core.lens.camera_model import Lens
+from qflsd_ros.core.lens.camera_model import CameraModel
 from qflsd_ros.core.lens.division import DivisionModel
 from qflsd_ros.ros.lens import described
 from qflsd_ros.sources.frames import FrameError
@@ -17,7 +17,7 @@ class CalibrationError(FrameError):
     """A CameraInfo that is missing, or of no use for an image."""
 
 
-def lens(info: CameraInfo | None, topic: str, height: int, width: int) -> Lens:
+def lens(info: CameraInfo | None, topic: str, height: int, width: int) -> CameraModel:
     """
     Return the lens through which an image was taken.
 
@@ -45,7 +45,7 @@ def lens(info: CameraInfo | None, topic: str, height: int, width: int) -> Lens:
             f'{" x ".join(map(str, size(info)))} pixels: must be of {width} x {height}, as the '
             'image')
     try:
-        return Lens(info.distortion_model, matrix(info), np.array(info.d))
+        return CameraModel(info.distortion_model, matrix(info), np.array(info.d))
     except ValueError as error:
         raise CalibrationError(Reason.BAD_CALIBRATION, f'camera_info on {topic}: {error}') \
             from error
