@@ -128,4 +128,4 @@ def _webp(data: bytes) -> Size | None:
 
 READERS: dict[bytes, Callable[[bytes], Size | None]] = {
     JPEG_START: _jpeg, PNG_START: _png, b'BM': _bmp, b'II*\0': _tiff, b'MM\0*': _tiff,
-    b'RIFF': _webp} | {b'P%d' % number: _pnm for number in range(1, 7)}
+    b'RIFF': _webp, **{b'P%d' % number: _pnm for number in range(1, 7)}}
