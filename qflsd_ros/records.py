@@ -11,8 +11,8 @@ from qflsd_ros.core.geometry.planes import Planes
 from qflsd_ros.core.lens.division import DivisionModel, rectified
 from qflsd_ros.core.lens.estimation import with_straightness
 
-# A point of an arc; ``segment`` is the number of the arc.  The points are in order from the start of
-# the arc to its end.
+# A point of an arc; ``segment`` is the number of the arc.  Points are ordered from the start of
+# an arc to its end.
 SEGMENT_POINT = np.dtype([('x', '<f4'), ('y', '<f4'), ('z', '<f4'), ('segment', '<u4')])
 
 # An arc: its middle as x, y, z (z is 0) for RViz, then the columns of the table with 32 bits each.

@@ -3,8 +3,8 @@ The renderer of the synthetic scene: it casts one ray for each corner of each pi
 
 If the corners of a pixel show different cells, bisection finds where the boundary crosses the
 pixel's sides, and each cell's share of the pixel is the area of a polygon.  Edges are exact to
-1 / 128 px without supersampling.  A block of the image that no edge crosses shows one cell, so that
-the rays of its four corners suffice.
+1 / 128 px without supersampling.  A block of the image that no edge crosses shows one cell: the
+rays of its four corners suffice.
 """
 from __future__ import annotations
 
@@ -218,7 +218,7 @@ def _fill(patches: np.ndarray, texture: np.ndarray, number: int, place: np.ndarr
 @compiled
 def _within(boxes: np.ndarray, faces: np.ndarray, rectangles: np.ndarray,
             camera: tuple[float, ...], cell: int, x: float, y: float) -> tuple[bool, float]:
-    """Return whether x, y px would show a cell if nothing hid it, and the distance to its plane."""
+    """Return whether x, y px would show a cell if nothing hid it, and its plane's distance."""
     rectangle = rectangles[cell]
     u, v, distance = _meet(boxes, faces, rectangle.face, camera, x, y)
     return (rectangle.low_u <= u <= rectangle.high_u and rectangle.low_v <= v <= rectangle.high_v

@@ -25,7 +25,7 @@ class Patch:
     size: tuple[float, float]               # along u and v, m
     colours: np.ndarray                     # (nu, nv, 3) grey levels, blue, green, red
     glow: float = 0.0                       # 0: reflects light only, 1: emits light only
-    grain: tuple[float, float, float] = (40.0, 40.0, 0.03)     # texture: texels/m in u, in v; contrast
+    grain: tuple[float, float, float] = (40.0, 40.0, 0.03)     # texels/m in u, in v; contrast
 
 
 @dataclass(frozen=True)
