@@ -17,8 +17,8 @@ class Reason(Enum):
 
     """
 
-    UNKNOWN_ENCODING = ('unknown encoding', 'the encoding is not one of those above; the log lists '
-                        'them')
+    UNKNOWN_ENCODING = ('unknown encoding', 'the encoding is not one of those above; the log '
+                        'lists them')
     WRONG_SIZE = ('wrong size', 'width or height is 0 or above 32768, or the image has more than '
                   '`max_pixels` pixels; this is checked before an image is decoded')
     STEP_TOO_SMALL = 'step too small', '`step` is less than the bytes of a row of pixels'

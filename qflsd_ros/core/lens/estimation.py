@@ -111,13 +111,13 @@ class LensEstimate:
 
     @property
     def std(self) -> float:
-        """Standard deviation of lambda."""
+        """Return the standard deviation of lambda."""
         return math.sqrt(self.covariance[0, 0])
 
     @property
     def centre_std(self) -> float:
         """
-        Standard deviation of the distortion centre, px: the larger one of x and y.
+        Return the standard deviation of the distortion centre, px: the larger one of x and y.
 
         0 if the centre was assumed.
         """
