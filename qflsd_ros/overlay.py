@@ -1,4 +1,4 @@
-"""A frame with its arcs drawn on it."""
+"""Drawing of arcs on their image."""
 from __future__ import annotations
 
 import cv2
@@ -6,9 +6,11 @@ import numpy as np
 
 from qflsd_ros.core.arcs import Arcs
 
-TOLERANCE = 0.25  # px between an arc and what is drawn of it
-SUBPIXEL_BITS = 4  # cv2 takes fixed-point coordinates; (0, 0) is the centre of a pixel there too
-# Multiples of the golden section never come close to each other, modulo 1.
+TOLERANCE = 0.25  # px between an arc and its drawn polyline: invisible with anti-aliasing
+# Fractional bits of cv2's fixed-point coordinates; (0, 0) is the centre of a pixel there too.
+SUBPIXEL_BITS = 4
+# Multiples of the golden section modulo 1 stay far from each other (Knuth, The Art of Computer
+# Programming, 6.4), and so do hues.
 GOLDEN_SECTION = 0.6180339887498949
 
 
@@ -16,7 +18,7 @@ def colours(count: int) -> np.ndarray:
     """
     Return ``count`` well-separated bright colours: (count, 3) uint8, B, G, R.
 
-    Colour i is the same for every count.
+    Colour i does not depend on ``count``.
     """
     index = np.arange(count)
     hsv = np.empty((count, 1, 3), np.float32)
@@ -30,21 +32,21 @@ def colours(count: int) -> np.ndarray:
 
 def draw(image: np.ndarray, arcs: Arcs, line_width: int = 1) -> np.ndarray:
     """
-    Draw every arc on a copy of its image, anti-aliased and in a colour of its own.
+    Draw the arcs on a copy of their image, anti-aliased, each in its own colour.
 
     Parameters
     ----------
     image
         (H, W) uint8 grey or (H, W, 3) uint8 B, G, R.
     arcs
-        What was found in it; coordinates in px, (0, 0) is the centre of the top-left pixel.
+        Arcs of that image; coordinates in px, (0, 0) is the centre of the top-left pixel.
     line_width
         Width of a drawn arc in px, at least 1.
 
     Returns
     -------
     overlay
-        (H, W, 3) uint8 B, G, R, contiguous; ``image`` itself stays as it is.
+        (H, W, 3) uint8 B, G, R, contiguous; ``image`` is not changed.
 
     """
     overlay = cv2.cvtColor(image, cv2.COLOR_GRAY2BGR) if image.ndim == 2 else image.copy('C')

@@ -1,7 +1,7 @@
 """
-Arcs as rows of the point clouds in which they are published; imports no ROS.
+The records of the published point clouds, as structured arrays; independent of ROS.
 
-All coordinates are px of the image; (0, 0) is the centre of the top-left pixel, x right, y down.
+Image coordinates are px; (0, 0) is the centre of the top-left pixel, x points right, y down.
 """
 from __future__ import annotations
 
@@ -11,30 +11,32 @@ from qflsd_ros.core.geometry.planes import Planes
 from qflsd_ros.core.lens.division import DivisionModel, rectified
 from qflsd_ros.core.lens.estimation import with_straightness
 
-# Points of an arc follow each other from its start to its end; segment is the number of the arc.
+# A point of an arc; ``segment`` is the number of the arc.  Points are ordered from the start of
+# an arc to its end.
 SEGMENT_POINT = np.dtype([('x', '<f4'), ('y', '<f4'), ('z', '<f4'), ('segment', '<u4')])
 
-# x, y, z (the middle of the arc, 0) for RViz, then the columns of the table with 32 bits each.
+# An arc: its middle as x, y, z (z is 0) for RViz, then the columns of the table with 32 bits each.
 ARC = np.dtype([('x', '<f4'), ('y', '<f4'), ('z', '<f4')] + [
     (name, f'<{column.dtype.kind}4')
     for name, column in with_straightness(Arcs.empty(), None).columns().items()])
 
-# Normal of the plane, upper triangle of its covariance row by row, and the number of the arc.
+# A plane: its normal, the upper triangle of its covariance row by row, and the number of its arc.
+COVARIANCE = ('xx', 'xy', 'xz', 'yy', 'yz', 'zz')
 PLANE = np.dtype(
     [(f'normal_{axis}', '<f4') for axis in 'xyz']
-    + [(f'covariance_{axes}', '<f4') for axes in ('xx', 'xy', 'xz', 'yy', 'yz', 'zz')]
+    + [(f'covariance_{axes}', '<f4') for axes in COVARIANCE]
     + [('segment', '<u4')])
 
-# What sensor_msgs/PointField calls the types of numpy.
+# Codes of numpy's types in sensor_msgs/PointField.
 DATATYPES = {'i1': 1, 'u1': 2, 'i2': 3, 'u2': 4, 'i4': 5, 'u4': 6, 'f4': 7, 'f8': 8}
 
 
 def of_segments(arcs: Arcs, tolerance: float) -> np.ndarray:
     """
-    Return the points of all arcs, one behind the other: (N,) of :data:`SEGMENT_POINT`.
+    Return the points of all arcs, arc by arc: (N,) of :data:`SEGMENT_POINT`, with z = 0.
 
-    z is 0.  An arc has 2 points where it is straight to within ``tolerance`` px, more where it is
-    not.
+    An arc has as many points as its polyline needs to stay within ``tolerance`` px of it: 2 if it
+    is straight to within that.
     """
     points, counts = arcs.vertices(tolerance)
     rows = np.zeros(len(points), SEGMENT_POINT)
@@ -43,14 +45,22 @@ def of_segments(arcs: Arcs, tolerance: float) -> np.ndarray:
     return rows
 
 
-def of_rectified(arcs: Arcs, model: DivisionModel) -> np.ndarray:
+def of_rectified(arcs: Arcs, lens: DivisionModel) -> np.ndarray:
     """
-    Return the ends of what straight edges look like without the lens: (2 N,) of SEGMENT_POINT.
+    Return start and end of the rectified arcs: (2 N,) of :data:`SEGMENT_POINT`, with z = 0.
 
-    Left out are arcs that are known not to be pictures of straight edges, by their column
-    ``straight``, and those that an image without distortion cannot show.
+    The result excludes arcs that are unlikely to be images of straight edges (``straight`` below
+    0.5) and arcs that the undistorted image cannot show.
+
+    Parameters
+    ----------
+    arcs
+        The arcs of an image, with the column ``straight``.
+    lens
+        The lens of that image.
+
     """
-    segments = rectified(arcs, model)
+    segments = rectified(arcs, lens)
     shown = np.flatnonzero(np.isfinite(segments).all(axis=(1, 2))
                            & ~(arcs.table['straight'] < 0.5))
     rows = np.zeros(2 * len(shown), SEGMENT_POINT)
@@ -60,7 +70,11 @@ def of_rectified(arcs: Arcs, model: DivisionModel) -> np.ndarray:
 
 
 def of_arcs(arcs: Arcs) -> np.ndarray:
-    """Return one record for every arc: (M,) of :data:`ARC`; nan where it lacks ``straight``."""
+    """
+    Return a record for each arc: (M,) of :data:`ARC`.
+
+    ``straight`` is nan if the table does not have that column.
+    """
     rows = np.zeros(len(arcs), ARC)
     rows['straight'] = np.nan
     for name, column in arcs.columns().items():
@@ -70,11 +84,11 @@ def of_arcs(arcs: Arcs) -> np.ndarray:
 
 
 def of_planes(planes: Planes) -> np.ndarray:
-    """Return one record for every plane: (N,) of :data:`PLANE`."""
+    """Return a record for each plane: (N,) of :data:`PLANE`."""
     rows = np.zeros(len(planes.arcs), PLANE)
     for column, axis in enumerate('xyz'):
         rows[f'normal_{axis}'] = planes.normals[:, column]
-    for i, j, name in zip(*np.triu_indices(3), PLANE.names[3:9]):
-        rows[name] = planes.covariances[:, i, j]
+    for i, j, axes in zip(*np.triu_indices(3), COVARIANCE):
+        rows[f'covariance_{axes}'] = planes.covariances[:, i, j]
     rows['segment'] = planes.arcs
     return rows

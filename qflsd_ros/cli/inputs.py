@@ -1,4 +1,4 @@
-"""The pictures that the command line names: files, globs, folders, videos and rosbag2s."""
+"""The pictures to work on: how the files of the command line are read, named and numbered."""
 from __future__ import annotations
 
 from collections import Counter
@@ -11,18 +11,16 @@ import unicodedata
 import cv2
 import numpy as np
 from qflsd_ros.ros.input import images
-from qflsd_ros.sources.bag import Bag, STORAGE_SUFFIXES
+from qflsd_ros.sources.bag import Bag
 from qflsd_ros.sources.encoded import GRAY
-from qflsd_ros.sources.files import IMAGE_SUFFIXES, natural_order, read_image
+from qflsd_ros.sources.files import read_image
 from qflsd_ros.sources.frames import Frame, Report, report_by_log, SourceError
+from qflsd_ros.sources.opening import expand, Kind, kind_of
 from qflsd_ros.sources.video import quiet_capture, Video
-
-# In a folder, these are taken for videos; a file named on its own is one unless it is an image.
-VIDEO_SUFFIXES = ('.avi', '.m4v', '.mkv', '.mov', '.mp4', '.mpeg', '.mpg', '.webm')
 
 
 class Moment(NamedTuple):
-    """When a recorded image was taken and recorded, ns, and in which coordinate frame."""
+    """When a recorded image was recorded and taken (ns), and its coordinate frame."""
 
     recorded: int
     stamp: int
@@ -32,22 +30,23 @@ class Moment(NamedTuple):
 @dataclass(frozen=True)
 class Picture:
     """
-    One picture to work on.
+    A picture to work on: an image file, or a frame of a video or rosbag2.
 
     Attributes
     ----------
     path
-        The file that it comes from.
+        The file that the picture comes from.
     name
-        What its results are called, different for every picture.
+        The name of its results, unique among all pictures.
     frame
-        Its number in a video or rosbag2, from 0; None for an image file.
+        Number of the frame in a video or rosbag2, from 0; None for an image file.
     pixels
-        (H, W, 3) uint8 B, G, R of a frame; None for what is read by whoever works on it.
+        (H, W, 3) uint8 B, G, R of a frame of a video; None for other pictures, which
+        :meth:`read` reads.
     message
-        A recorded image; None for any other.
+        The recorded image of a rosbag2; None for other pictures.
     moment
-        Of an image of a rosbag2; None for any other.
+        The times of an image of a rosbag2; None for other pictures.
 
     """
 
@@ -60,11 +59,11 @@ class Picture:
 
     def read(self, white_level: float | None = None) -> np.ndarray:
         """
-        Return (H, W, 3) uint8 B, G, R, of a recorded image (H, W) uint8 as the node sees it.
+        Return the pixels: (H, W, 3) uint8 B, G, R, or (H, W) uint8 of a recorded image.
 
-        ``white_level`` is the value that becomes 255 in images of 16 bits or floats, None for that
-        of their format.  Raises SourceError where a file cannot be read, FrameError where a
-        recorded image cannot.
+        ``white_level`` is the value of 16-bit and float images that becomes 255; None is the white
+        of their format.  An unreadable file raises SourceError, an unreadable recorded image
+        FrameError.
         """
         if self.message is not None:
             return images.read(self.message, white_level or 0.0)
@@ -73,63 +72,25 @@ class Picture:
 
 def find(arguments: Iterable[str]) -> tuple[list[Path], list[str]]:
     """
-    Return the files that arguments stand for, each once, in order; and a line for what is none.
+    Return the files that arguments stand for, and a line for each argument without a file.
 
-    An argument is a file, a rosbag2, a folder (its images and videos) or a glob pattern.
+    An argument is a file, a rosbag2, a folder (its images and videos) or a glob pattern.  A file
+    that several arguments stand for is in the list once, at its first place.
     """
     files: dict[Path, Path] = {}
     problems: list[str] = []
     for argument in arguments:
-        for path in _expand(argument, problems.append):
+        for path in expand(argument, problems.append):
             files.setdefault(Path(os.path.realpath(path)), path)
     return list(files.values()), problems
 
 
-def _expand(argument: str, complain: Report) -> Iterator[Path]:
-    path = Path(argument)
-    if os.path.isdir(path) and not is_bag(path):
-        yield from _contents(path, complain)
-        return
-    matches = [path] if os.path.exists(path) else _matches(path)
-    if not matches:
-        complain(f'{argument!r}: no such file, and no file matches it')
-    for match in matches:
-        if match.is_dir() and not is_bag(match):
-            yield from _contents(match, lambda _: None)     # a pattern matches anything
-        else:
-            yield match
-
-
-def _contents(folder: Path, complain: Report) -> list[Path]:
-    """Return the images and videos of a folder in natural order."""
-    suffixes = IMAGE_SUFFIXES + VIDEO_SUFFIXES
-    try:
-        found = [file for file in folder.iterdir() if file.suffix.lower() in suffixes]
-    except OSError as error:
-        complain(f'{str(folder)!r}: {error.strerror}')
-        return []
-    if not found:
-        complain(f'{str(folder)!r}: no image or video in this folder: their names must end in '
-                 f'{", ".join(suffixes)}')
-    return sorted(found, key=natural_order)
-
-
-def _matches(pattern: Path) -> list[Path]:
-    """Return what matches a glob pattern, but for what is hidden; links to folders end there."""
-    folder = Path(pattern.anchor)
-    try:
-        found = sorted(folder.glob(str(pattern.relative_to(folder))))
-    except (OSError, ValueError):
-        return []  # a name too long, ** and something else between two slashes
-    return [path for path in found
-            if not any(part.startswith('.') and part not in pattern.parts for part in path.parts)]
-
-
 def count(path: Path, topic: str) -> int:
-    """Return the number of pictures in a file; of a video or rosbag2, what it says of itself."""
-    if is_image(path):
+    """Return the number of pictures in a file, by the header of a video or rosbag2."""
+    kind = kind_of(path)
+    if kind is Kind.IMAGE:
         return 1
-    if is_bag(path):
+    if kind is Kind.BAG:
         try:
             return Bag(path, topic, report_by_log).count
         except SourceError:
@@ -139,23 +100,13 @@ def count(path: Path, topic: str) -> int:
     return max(0, int(quiet_capture(str(path)).get(cv2.CAP_PROP_FRAME_COUNT)))
 
 
-def is_bag(path: Path) -> bool:
-    """Tell a rosbag2, a folder or a file, from anything else."""
-    return os.path.exists(path / 'metadata.yaml') or path.suffix.lower() in STORAGE_SUFFIXES
-
-
-def is_image(path: Path) -> bool:
-    """Tell an image file, by the end of its name, from anything else."""
-    return path.suffix.lower() in IMAGE_SUFFIXES
-
-
 def names(files: list[Path]) -> list[str]:
     """
-    Return a name for each file, no two alike: its own, with more of its path where it must be.
+    Return a unique name for each file: its own, with as much of its path as is necessary.
 
-    Files of one folder that differ in their suffix alone keep it; files of the same name in
-    different folders get the folder's name before theirs.  Names that differ in capitals alone are
-    alike: the disk of the results may make no difference.
+    Files of a folder whose names differ only in the suffix keep the suffix.  Files of the same
+    name in different folders are preceded by the names of the folders.  Names that differ only in
+    capitals count as the same, since some file systems do not distinguish them.
     """
     folders = [Path(os.path.realpath(path.parent)) for path in files]
     stems = Counter((folder, _folded(path.stem)) for folder, path in zip(folders, files))
@@ -163,7 +114,7 @@ def names(files: list[Path]) -> list[str]:
     parts = [(*folder.parts[1:],
               path.stem if stems[folder, _folded(path.stem)] == 1 else path.name)
              for folder, path in zip(folders, files)]
-    # No folder tells A.png from a.png beside it.
+    # The names of folders do not distinguish A.png from a.png in the same folder.
     short = [twins[folder, _folded(path.name)] > 1 for folder, path in zip(folders, files)]
     result = [part[-1] for part in parts]
     for depth in range(2, max(map(len, parts), default=1) + 1):
@@ -174,7 +125,7 @@ def names(files: list[Path]) -> list[str]:
 
 
 def _numbered(wanted: list[str]) -> list[str]:
-    """Give numbers to what is still alike: a_b/c and a/b_c."""
+    """Append numbers to names that are still the same, as those of a_b/c and a/b_c."""
     all_wanted = set(map(_folded, wanted))
     taken: set[str] = set()
     result = []
@@ -189,21 +140,22 @@ def _numbered(wanted: list[str]) -> list[str]:
 
 
 def _folded(name: str) -> str:
-    """Return what names that a disk may take for the same have in common."""
+    """Return a form of a name that is equal for names that a file system may confuse."""
     return unicodedata.normalize('NFC', name).casefold()
 
 
 def pictures(path: Path, name: str, topic: str, report: Report, tell: Report) -> Iterator[Picture]:
     """
-    Return the picture of an image file, or the frames of a video or rosbag2 in order.
+    Yield the picture of an image file, or the frames of a video or rosbag2 in order.
 
-    Frames are called ``name/000000`` and so on; ``topic`` is that of a rosbag2, empty for the
-    first with images.  ``report`` is called with what cannot be read, ``tell`` with what else
-    there is to know.  Raises SourceError where a video or rosbag2 as a whole cannot be read.
+    Frames are named ``name/000000`` and so on.  ``topic`` is the topic of a rosbag2, empty for the
+    first one with images.  ``report`` is called with a line for each unreadable frame, ``tell``
+    with other information.  A video or rosbag2 that cannot be opened raises SourceError.
     """
-    if is_image(path):
+    kind = kind_of(path)
+    if kind is Kind.IMAGE:
         yield Picture(path, name)
-    elif is_bag(path):
+    elif kind is Kind.BAG:
         bag = Bag(path, topic, report, GRAY)
         if bag.note:
             tell(f'{bag.note}: choose by --topic')

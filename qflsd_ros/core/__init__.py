@@ -1,5 +1,7 @@
 """
-The QF-LSD line detector, without ROS: numpy, OpenCV and numba alone.
+The QF-LSD line detector, independent of ROS: it needs numpy, OpenCV and numba only.
+
+Coordinates are px; (0, 0) is the centre of the top-left pixel, x points right, y down.
 
 >>> import numpy as np
 >>> from qflsd_ros.core import Detector

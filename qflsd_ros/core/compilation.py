@@ -16,10 +16,13 @@ import hashlib
 import os
 from pathlib import Path
 import sys
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numba
 from qflsd_ros.core.kernel_cache import KernelCache, Store
+
+
+Function = TypeVar('Function', bound=Callable[..., Any])
 
 
 class Progress(NamedTuple):
@@ -58,9 +61,9 @@ def progress(package: str) -> Progress:
     return Progress(sum(cache.is_compiled for cache in caches), len(caches))
 
 
-def _kernel(**options: Any) -> Callable[[Callable[..., Any]], Any]:
+def _kernel(**options: Any) -> Callable[[Function], Function]:
     """Return a decorator like ``numba.njit`` that keeps what it compiles in our folder."""
-    def decorate(function: Callable[..., Any]) -> Any:
+    def decorate(function: Function) -> Function:
         dispatcher = numba.njit(nogil=True, error_model='numpy', _nrt=False, **options)(function)
         dispatcher._cache = KernelCache(function, STORE)
         _caches.append(dispatcher._cache)

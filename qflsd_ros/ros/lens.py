@@ -8,7 +8,7 @@ from __future__ import annotations
 from functools import lru_cache
 
 from qflsd_ros.core.arcs import Arcs
-from qflsd_ros.core.lens.conversion import Calibration, calibration
+from qflsd_ros.core.lens.conversion import camera_info_terms, CameraInfoTerms
 from qflsd_ros.core.lens.division import DivisionModel
 from qflsd_ros.core.lens.estimation import LensEstimate
 from qflsd_ros.core.lens.tracker import LensTracker
@@ -105,9 +105,9 @@ def fixed(settings: Settings, shape: tuple[int, int]) -> DivisionModel:
 
 
 @lru_cache(maxsize=2)
-def described(model: DivisionModel, focal_length: float) -> Calibration:
-    """Return the calibration of a lens for CameraInfo; cached, because a lens rarely changes."""
-    return calibration(model, focal_length)
+def described(model: DivisionModel, focal_length: float) -> CameraInfoTerms:
+    """Return the terms of CameraInfo for a lens; cached, because a lens rarely changes."""
+    return camera_info_terms(model, focal_length)
 
 
 def required(model: DivisionModel | None, settings: Settings) -> DivisionModel:

@@ -1,5 +1,5 @@
 """
-Where images come from, without ROS: the synthetic scene, files, videos, webcams, rosbag2.
+Sources of images, independent of ROS: the synthetic scene, files, videos, webcams, rosbag2.
 
 >>> from qflsd_ros.sources import Scene
 >>> image, truth = Scene(160, 120, lam=-0.3).frame(0)

@@ -1,8 +1,8 @@
 """
-A rosbag2 as a source, in sqlite3 or mcap.
+A rosbag2 as a source, with sqlite3 or mcap storage.
 
-Only image messages are read, by their well-known definitions: whatever other types a recording
-holds, known here or not, does no harm.
+Only image messages are deserialised, by their standard definitions.  A recording may contain other
+types of messages, even unknown ones.
 """
 from __future__ import annotations
 
@@ -32,17 +32,17 @@ class Bag(Source):
     """
     The images of one topic of a recording, with their stamps and coordinate frame.
 
-    Raw images come as recorded, whatever their encoding; compressed ones are decoded, as ``flags``
-    of ``cv2.imdecode`` say.
+    Raw images keep their encoding; compressed images are decoded with ``flags`` of
+    ``cv2.imdecode``.
 
     Attributes
     ----------
     topic
-        The one that is read.
+        The topic that is read.
     topics
         All topics with images.
     count
-        Number of messages on the topic, by what the bag says of itself.
+        Number of messages on the topic, by the metadata of the recording.
 
     """
 
@@ -65,7 +65,7 @@ class Bag(Source):
         try:
             reader = Reader(self._path)
             reader.open()
-        except Exception as error:  # Damage shows as anything: sqlite3, struct, assertions, ...
+        except Exception as error:  # damage raises errors of sqlite3, struct, assertions, ...
             raise SourceError(f'{self.name}: no rosbag2 that can be read: '
                               f'{_one_line(error)}') from error
         try:
@@ -74,7 +74,7 @@ class Bag(Source):
             reader.close()
 
     def _image_topics(self, connections: list[Connection], wanted: str) -> list[str]:
-        """Return all topics with images; SourceError where none has, or the wanted one has not."""
+        """Return all topics with images; SourceError without any, or without the wanted one."""
         types = {connection.topic: connection.msgtype for connection in connections}
         images = [name for name, kind in types.items() if kind in (RAW, COMPRESSED)]
         if not images:
@@ -110,10 +110,10 @@ class Bag(Source):
 
 
 def _frame(message: Any, kind: str, recorded: int, flags: int) -> Frame:
-    """Make a frame of a deserialised Image or CompressedImage."""
+    """Return the frame of a deserialised Image or CompressedImage."""
     name, stamp = str(recorded), message.header.stamp
     if stamp.nanosec >= 10**9:
-        raise ValueError(f'its stamp has {stamp.nanosec} ns: must have less than a second of them')
+        raise ValueError(f'its stamp has {stamp.nanosec} ns: must have less than 10^9 of them')
     times = {'stamp': stamp.sec * 10**9 + stamp.nanosec, 'recorded': recorded,
              'frame_id': message.header.frame_id}
     if kind == RAW:

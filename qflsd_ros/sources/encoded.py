@@ -1,8 +1,8 @@
 """
-Encoded images, as files, messages and recordings hold them, as arrays.
+Decoding of images from files, messages and recordings.
 
-What an image claims of its size is looked at before it is decoded: few bytes can claim gigabytes,
-or keep a decoder busy for hours.
+The size in an image's header is checked before the image is decoded: a few bytes can claim
+gigabytes, or keep a decoder busy for hours.
 """
 from __future__ import annotations
 
@@ -14,43 +14,45 @@ from qflsd_ros.sources.depth import eight_bits, WHITE
 from qflsd_ros.sources.frames import FrameError
 from qflsd_ros.sources.reasons import Reason
 
+# Limits: beyond any camera, and small enough that a decoded image takes less than 1 GB.
 MAX_SIDE = 32768        # px
 MAX_PIXELS = 1 << 27    # 134 megapixels
-MAX_VISITS = 1 << 32    # of pixels by the decoder: 32 scans of the largest JPEG
+MAX_VISITS = 1 << 32    # pixels that a decoder may write, all scans together: 32 of MAX_PIXELS
 
-# Flags of cv2.imdecode.  An orientation tag would turn the coordinates; 16 bits stay.
+# Flags of cv2.imdecode.  Orientation tags are ignored, since they would rotate the coordinates;
+# 16-bit and float values are kept.
 GRAY, COLOUR = (kind | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
                 for kind in (cv2.IMREAD_GRAYSCALE, cv2.IMREAD_COLOR))
 
 
 class DecodingError(FrameError):
-    """An encoded image that cannot be decoded, or is too large for that."""
+    """An encoded image cannot be decoded or exceeds a limit."""
 
 
 def decode(data: bytes, flags: int, what: str, max_pixels: int = MAX_PIXELS) -> np.ndarray:
     """
-    Return an encoded image as OpenCV decodes it.
+    Decode an image by OpenCV.
 
     Parameters
     ----------
     data
-        The whole image, in one of :data:`qflsd_ros.sources.headers.FORMATS`.
+        The complete image, in one of :data:`qflsd_ros.sources.headers.FORMATS`.
     flags
-        Of ``cv2.imdecode``.
+        Flags of ``cv2.imdecode``.
     what
-        What to call it in an error.
+        Name of the image for errors.
     max_pixels
-        Most pixels that it may have.
+        Greatest number of pixels.
 
     Returns
     -------
     image
-        (H, W) or (H, W, C), uint8 or whatever else ``flags`` allows.
+        (H, W) or (H, W, C), of uint8 or another type that ``flags`` allow.
 
     Raises
     ------
     DecodingError
-        It is damaged or of another format, claims to be too large, or has too many scans.
+        The image is damaged, has another format, is too large, or has too many scans.
 
     """
     width, height = _checked_size(headers.size(data), what, max_pixels)
@@ -72,17 +74,17 @@ def decode_eight_bits(data: bytes, flags: int, what: str,
                       white_level: float | None = None,
                       max_pixels: int = MAX_PIXELS) -> np.ndarray:
     """
-    Return an encoded image as the sensor saw it, in 8 bits whatever it has itself.
+    Decode an image and convert it to 8 bits; an orientation tag is ignored.
 
     Parameters
     ----------
     data, what, max_pixels
-        As of :func:`decode`.
+        As in :func:`decode`.
     flags
         :data:`GRAY` or :data:`COLOUR`.
     white_level
-        Value that becomes 255 in images of 16 bits or floats; None stands for the white of a PNM
-        that has one, else for 65535 with 16 bits and for 1.0 with floats.
+        Value of 16-bit and float images that becomes 255; None stands for the maximum in the
+        header of a PGM or PPM, and in other formats for 65535 (16 bits) or 1.0 (floats).
 
     Returns
     -------
@@ -92,7 +94,7 @@ def decode_eight_bits(data: bytes, flags: int, what: str,
     Raises
     ------
     DecodingError
-        As of :func:`decode`, or it has pixels of another type.
+        As in :func:`decode`, or the pixels have another type.
 
     """
     image = decode(data, flags, what, max_pixels)
@@ -103,6 +105,7 @@ def decode_eight_bits(data: bytes, flags: int, what: str,
 
 
 def _checked_size(claimed: headers.Size | None, what: str, max_pixels: int) -> headers.Size:
+    """Return width and height of an image; DecodingError if they are unknown or too large."""
     if claimed is None:
         raise _unreadable(what)
     width, height = claimed

@@ -1,4 +1,4 @@
-"""What every source of images gives: frames, one after the other."""
+"""Frames, and the interface of the sources that yield them."""
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
@@ -11,20 +11,20 @@ import numpy as np
 from qflsd_ros.sources.reasons import Reason
 
 Report = Callable[[str], None]
-MAX_TEXT = 1200  # characters: twice what naming all encodings takes
+MAX_TEXT = 1200  # characters: twice the length of an error that lists all encodings
 report_by_log: Report = logging.getLogger(__name__).warning
 
 
 class SourceError(Exception):
-    """A source that cannot be read; the text says in a line what, where, and what would do."""
+    """A source cannot be read; the text is a line that names source, fault and remedy."""
 
 
 class FrameError(ValueError):
     """
-    A frame that cannot be worked on; ``reason`` is the phrase of its reason.
+    A frame cannot be processed; ``reason`` is the phrase of the :class:`Reason`.
 
-    The text is in one line, and shortened in the middle where somebody who sent the frame has put
-    more into it than a line of a log should hold.
+    The text is one line.  It is shortened in the middle if it quotes so much of the frame that it
+    would flood the log.
     """
 
     def __init__(self, reason: Reason, text: str) -> None:
@@ -33,7 +33,7 @@ class FrameError(ValueError):
 
 
 def shortened(text: str) -> str:
-    """Return a text of at most MAX_TEXT characters: the middle of a longer one is left out."""
+    """Return a text of at most MAX_TEXT characters; the middle of a longer text is omitted."""
     if len(text) <= MAX_TEXT:
         return text
     left_out = f' [{len(text) - MAX_TEXT} characters] '
@@ -44,22 +44,22 @@ def shortened(text: str) -> str:
 @dataclass(frozen=True)
 class Frame:
     """
-    One image with the fields of sensor_msgs/Image.
+    An image with the fields of sensor_msgs/Image.
 
     Attributes
     ----------
     name
-        What a person calls it: a file's name, or its number.
+        Name for reports: the name of a file, or the number of a frame.
     height, width, encoding, is_bigendian, step
         As in sensor_msgs/Image.
     data
-        (step * height,) bytes; of a recorded message whatever was recorded.
+        step * height bytes; the data of a recorded message is as recorded, of any length.
     stamp
-        ns, when the frame was taken; None for those that never were.
+        Time at which the frame was taken, ns; None for files.
     frame_id
-        The camera's coordinate frame; None where the source does not say.
+        Coordinate frame of the camera; None if the source does not have one.
     recorded
-        ns, when a recording got the frame; None outside recordings.
+        Time at which the frame was recorded, ns; None outside recordings.
 
     """
 
@@ -76,7 +76,7 @@ class Frame:
 
     @classmethod
     def of(cls, image: np.ndarray, encoding: str, name: str, **more: Any) -> Frame:
-        """Make a frame of an (H, W) or (H, W, C) image, of uint8 or uint16 in native order."""
+        """Return a frame of an (H, W) or (H, W, C) image, uint8 or uint16 in native order."""
         height, width = image.shape[:2]
         step = image.nbytes // height
         big = image.itemsize > 1 and not np.little_endian
@@ -85,20 +85,20 @@ class Frame:
 
 class Source(ABC):
     """
-    Frames to iterate over, as often as wanted: each time from the first one on.
+    An iterable of frames; each iteration begins with the first frame.
 
-    Iterating raises :class:`SourceError` where no frame at all can be read.
+    An iteration in which no frame can be read raises :class:`SourceError`.
 
     Attributes
     ----------
     skipped
-        Number of frames that could not be read so far, each reported once.
+        Number of different faults for which frames were skipped; each is reported once.
     note
-        What a person may want to know of how it is read; empty for nothing.
+        Information for the user about how the source is read, or an empty text.
     live
-        Whether frames come at the pace of a camera, with the time at which they were taken.
+        Whether frames arrive at the rate of a camera and have the time at which they were taken.
     on_demand
-        Whether frames may come late: nobody misses one, and each costs something.
+        Whether each frame is computed when it is requested, so that frames may be omitted.
 
     """
 
@@ -125,14 +125,14 @@ class Source(ABC):
             raise SourceError(f'{self.name}: not one frame in it can be read')
 
     def warm_up(self) -> None:
-        """Do what takes long before the first frame, but for reading: by default, nothing."""
+        """Prepare the first frame, if that takes long; by default, do nothing."""
 
     @abstractmethod
     def _frames(self) -> Iterator[Frame]:
-        """Yield the frames, and skip what cannot be read."""
+        """Yield the readable frames, and report the others by :meth:`_skip`."""
 
-    def _skip(self, what: str) -> None:
-        """Count and report what cannot be read; the same again is neither."""
-        if what not in self._reported:
-            self._reported.add(what)
-            self._report(what)
+    def _skip(self, fault: str) -> None:
+        """Count and report the fault of a frame, unless the same text was reported before."""
+        if fault not in self._reported:
+            self._reported.add(fault)
+            self._report(fault)

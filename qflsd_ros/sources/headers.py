@@ -1,8 +1,8 @@
 """
-What encoded images claim of their size, read from their first bytes alone.
+The size of encoded images, read from their headers.
 
-A decoder must not find another size than is read here, or few bytes could still claim gigabytes:
-what one reader may take so and another one so is not read at all.
+The size must be the one that the decoder finds, or else a few bytes could still claim gigabytes.
+An image that two readers could understand differently is therefore refused: its size is None.
 """
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from typing import Callable
 
 JPEG_START, PNG_START = b'\xff\xd8', b'\x89PNG\r\n\x1a\n'
 JPEG_SCAN = b'\xff\xda'
-# Start-of-frame markers of a JPEG; C4, C8 and CC between them mean something else.
+# Start-of-frame markers of a JPEG; C4, C8 and CC in that range have other meanings.
 JPEG_FRAMES = frozenset(range(0xc0, 0xd0)) - {0xc4, 0xc8, 0xcc}
 JPEG_ALONE = frozenset({0x01, *range(0xd0, 0xd9)})  # markers of segments without a length
-JPEG_FIRST = 0xc0   # of the markers that have a meaning, but for TEM
-# Some readers take a number's sign for a comment along with the number.
+JPEG_FIRST = 0xc0   # first marker with a meaning, except for TEM (01)
+# A comment directly behind a number is not matched, since readers treat it differently.
 BLANK = rb'(?:\s|#[^\r\n]*[\r\n])'
 PNM = re.compile(rb'P[1-6]%b+(\d{1,9})\s%b*(\d{1,9})\s' % (BLANK, BLANK))
 PNM_WHITE = re.compile(rb'%b*(\d{1,9})\s' % BLANK)
@@ -30,10 +30,10 @@ Size = tuple[int, int]
 
 def size(data: bytes) -> Size | None:
     """
-    Return width and height, px, that an image claims.
+    Return width and height in the header of an image, px.
 
-    ``data`` is the whole of the file.  None where it is in none of :data:`FORMATS`, or does not
-    tell.
+    ``data`` is the complete file.  The result is None if the format is not one of
+    :data:`FORMATS`, or the header is damaged.
     """
     for start, read in READERS.items():
         if data.startswith(start):
@@ -46,22 +46,22 @@ def size(data: bytes) -> Size | None:
 
 def passes(data: bytes) -> int:
     """
-    Return how often a decoder goes over all pixels of an image at most.
+    Return an upper bound of how often a decoder writes each pixel.
 
-    Progressive JPEGs are sent in scans, and a scan of all pixels can be a few bytes.
+    A progressive JPEG consists of scans, and a scan of all pixels can have only a few bytes.
     """
     return data.count(JPEG_SCAN) if data.startswith(JPEG_START) else 1
 
 
 def white(data: bytes) -> int | None:
-    """Return the value that a PGM or PPM of 16 bits says is white; None of any other image."""
+    """Return the maximum in the header of a 16-bit PGM or PPM; None for other images."""
     size = PNM.match(data)
     found = PNM_WHITE.match(data, size.end()) if size and data[1:2] in b'2356' else None
     return int(found[1]) if found and int(found[1]) > 255 else None
 
 
 def _png(data: bytes) -> Size | None:
-    # OpenCV 5 makes room for as much as a chunk claims to hold, up to 4 GB.
+    # All chunks must be complete: OpenCV 5 allocates the length that a chunk claims, up to 4 GB.
     at, kind = len(PNG_START), b''
     while kind != b'IEND':
         length, kind = struct.unpack_from('>I4s', data, at)
@@ -77,7 +77,7 @@ def _jpeg(data: bytes) -> Size | None:
             height, width = struct.unpack_from('>HH', data, at + 5)
             return width, height
         if marker == 0xff:
-            at += 1  # a byte of filling
+            at += 1  # a fill byte
         elif marker in JPEG_ALONE:
             at += 2
         elif marker < JPEG_FIRST:
@@ -90,7 +90,7 @@ def _jpeg(data: bytes) -> Size | None:
 def _bmp(data: bytes) -> Size:
     old = struct.unpack_from('<I', data, 14)[0] == 12
     width, height = struct.unpack_from('<HH' if old else '<ii', data, 18)
-    return abs(width), abs(height)  # a height below 0 has its rows from the top
+    return abs(width), abs(height)  # the rows of a negative height begin at the top
 
 
 def _pnm(data: bytes) -> Size | None:
@@ -128,4 +128,4 @@ def _webp(data: bytes) -> Size | None:
 
 READERS: dict[bytes, Callable[[bytes], Size | None]] = {
     JPEG_START: _jpeg, PNG_START: _png, b'BM': _bmp, b'II*\0': _tiff, b'MM\0*': _tiff,
-    b'RIFF': _webp} | {b'P%d' % number: _pnm for number in range(1, 7)}
+    b'RIFF': _webp, **{b'P%d' % number: _pnm for number in range(1, 7)}}

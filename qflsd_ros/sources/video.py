@@ -11,7 +11,8 @@ import numpy as np
 
 from qflsd_ros.sources.files import check_file, encoding
 from qflsd_ros.sources.frames import Frame, Report, Source, SourceError
-WEBCAMS = 100  # OpenCV takes the hundreds of an index for the interface to use
+
+WEBCAMS = 100  # OpenCV selects the capture interface by the hundreds of an index
 
 
 class Video(Source):
@@ -42,7 +43,7 @@ class Video(Source):
 
 
 class Webcam(Source):
-    """A webcam, as mono8 or bgr8; frames bear the time at which they came in."""
+    """A webcam, as mono8 or bgr8; the stamp of a frame is the time of its arrival."""
 
     live = True
 
@@ -54,7 +55,7 @@ class Webcam(Source):
         self._capture = quiet_capture(index)
         if not self._capture.isOpened():
             raise SourceError(f'{self.name}: cannot be opened: it is not there, another program '
-                              f'has it, or the right to read /dev/video{index} is missing')
+                              f'uses it, or the permission to read /dev/video{index} is missing')
         self._capture.set(cv2.CAP_PROP_FPS, rate)
 
     def _frames(self) -> Iterator[Frame]:
@@ -67,13 +68,13 @@ class Webcam(Source):
 
 
 def quiet_capture(source: str | int) -> cv2.VideoCapture:
-    """Open a video or webcam without OpenCV and FFmpeg talking on stderr about what fails."""
+    """Open a video or webcam; silence the messages of OpenCV and FFmpeg on stderr."""
     os.environ.setdefault('OPENCV_FFMPEG_LOGLEVEL', '-8')
-    # OpenCV 4 has it here, OpenCV 5 there; 0 is silence.
+    # The function has another place in OpenCV 5; level 0 is silent.
     (cv2.setLogLevel if hasattr(cv2, 'setLogLevel') else cv2.utils.logging.setLogLevel)(0)
     return cv2.VideoCapture(source)
 
 
 def convert(image: np.ndarray, colour: bool) -> np.ndarray:
-    """Return a frame as it came from OpenCV, (H, W, 3) B, G, R, or its grey levels, (H, W)."""
+    """Return an (H, W, 3) B, G, R image as it is, or else converted to grey, (H, W)."""
     return image if colour else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)

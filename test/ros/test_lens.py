@@ -4,7 +4,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from qflsd_ros.core import Arcs, Detector, DivisionModel
-from qflsd_ros.core.lens.conversion import calibration
+from qflsd_ros.core.lens.conversion import camera_info_terms
 from qflsd_ros.core.lens.estimation import LensEstimate
 from qflsd_ros.core.lens.tracker import LensTracker
 from qflsd_ros.ros import lens
@@ -71,7 +71,7 @@ def test_camera_info():
     model, header = DivisionModel(-0.4, SHAPE, (330.0, 230.0)), Header(frame_id='eye')
     message = message_of(header, model, 300.0)
     assert message.header == header and (message.height, message.width) == SHAPE
-    wanted = calibration(model, 300.0)
+    wanted = camera_info_terms(model, 300.0)
     assert message.distortion_model == wanted.distortion_model == 'rational_polynomial'
     assert list(message.d) == wanted.coefficients.tolist() and len(message.d) == 8
     assert message.k.tolist() == [300, 0, 330, 0, 300, 230, 0, 0, 1]

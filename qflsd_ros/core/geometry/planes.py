@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from qflsd_ros.core.arcs import Arcs
-from qflsd_ros.core.lens.camera_model import Lens
+from qflsd_ros.core.lens.camera_model import CameraModel
 
 SAMPLES = 9     # points along an arc
 STEP = 1e-3     # px across, for the derivative of a ray
@@ -39,11 +39,11 @@ class Planes(NamedTuple):
     covariances: np.ndarray
 
 
-def planes(arcs: Arcs, lens: Lens) -> Planes:
+def planes(arcs: Arcs, camera: CameraModel) -> Planes:
     """Return the planes that hold the edges of one image."""
     points, across = _samples(arcs)
-    rays = lens.rays(points)
-    moved = lens.rays(points + STEP * across)
+    rays = camera.rays(points)
+    moved = camera.rays(points + STEP * across)
     known = np.flatnonzero(np.isfinite(rays + moved).all(axis=(1, 2)))
     rays, change = rays[known], (moved[known] - rays[known]) / STEP
     values, axes = np.linalg.eigh(np.einsum('nki,nkj->nij', rays, rays))

@@ -1,1 +1,1 @@
-"""The lens: its models, and their estimation from arcs."""
+"""Lenses: their models, and their estimation from arcs."""

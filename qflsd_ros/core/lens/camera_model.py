@@ -1,7 +1,11 @@
 """
-A calibrated camera: which way each pixel looks.  The models are those of ROS's CameraInfo.
+A calibrated camera: the viewing direction of each pixel, by the models of ROS's CameraInfo.
 
-Direction: x right, y down, z along the optical axis.
+Directions are in the optical frame: x right, y down, z forward along the optical axis.
+
+References: OpenCV's calib3d for ``plumb_bob`` and ``rational_polynomial``; J. Kannala and
+S. S. Brandt, A generic camera model and calibration method for conventional, wide-angle, and
+fish-eye lenses, PAMI 2006, for ``equidistant``.
 """
 from __future__ import annotations
 
@@ -9,31 +13,39 @@ from dataclasses import dataclass
 
 import numpy as np
 
-# Coefficients at most: k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4, as OpenCV orders them; or k1 to k4.
+# Greatest number of coefficients of each model, in OpenCV's order: k1 k2 p1 p2 k3 k4 k5 k6 s1 s2
+# s3 s4 for the first two, k1 to k4 for equidistant.
 SIZES = {'plumb_bob': 5, 'rational_polynomial': 12, 'equidistant': 4}
+# Newton's method doubles the number of correct digits in each iteration near the solution; points
+# near the border of a strong distortion need some iterations to come near it.
 ITERATIONS = 20
-STEP = 1e-6         # for derivatives, in units of the focal length or radians
-EXACT = 1e-9        # in the same units: what is farther off after all iterations has no solution
+# Difference for derivatives, in focal lengths: small against any detail of a distortion, large
+# against the rounding of float64.  Newton's method needs no exact derivatives.
+STEP = 1e-6
+# Greatest residual of a solution, in focal lengths or radians: below 1e-6 px at any focal length
+# of up to 1000 px, far above rounding.
+EXACT = 1e-9
 
 
 @dataclass(frozen=True)
-class Lens:
+class CameraModel:
     """
-    Matrix and distortion of a camera.
+    The camera matrix and the distortion of a calibrated camera.
 
     Attributes
     ----------
     model
-        One of :data:`SIZES`.
+        Name of the distortion model, a key of :data:`SIZES`.
     matrix
-        (3, 3) float64, K in px.
+        (3, 3) float64, the camera matrix K in px.
     coefficients
-        float64, D; what is not given is 0.
+        (12,) float64, the distortion coefficients D, padded with zeros.
 
     Raises
     ------
     ValueError
-        The model is unknown, has too many coefficients, or the matrix has no focal length.
+        The model is unknown or has too many coefficients; the matrix has no focal length above
+        0; or a number is not finite.
 
     """
 
@@ -42,12 +54,12 @@ class Lens:
     coefficients: np.ndarray
 
     def __post_init__(self) -> None:
-        """Check what is given, and fill up the coefficients."""
+        """Check the numbers, and pad the coefficients with zeros."""
         if self.model not in SIZES:
             raise ValueError(f'distortion model is {self.model!r}: must be one of '
                              f'{", ".join(SIZES)}')
         given = np.asarray(self.coefficients, float)
-        # What rational_polynomial may have beyond, a tilted sensor, is accepted where it is 0.
+        # Zeros beyond are accepted: OpenCV writes 14 numbers, the last two for a tilted sensor.
         size = SIZES[self.model]
         if given[size:].any():
             raise ValueError(f'{self.model} has {len(given)} distortion coefficients: '
@@ -55,8 +67,8 @@ class Lens:
         matrix = np.asarray(self.matrix, float)
         if not (np.isfinite(matrix).all() and np.isfinite(given).all()
                 and matrix[0, 0] > 0 and matrix[1, 1] > 0):
-            raise ValueError('camera matrix K has no focal length above 0, or not all is finite: '
-                             'the camera is not calibrated')
+            raise ValueError('camera matrix K has no focal length above 0, or K or D has numbers '
+                             'that are not finite: the camera is not calibrated')
         full = np.zeros(max(12, size))
         full[:min(len(given), size)] = given[:size]
         object.__setattr__(self, 'matrix', matrix)
@@ -64,17 +76,18 @@ class Lens:
 
     def rays(self, points: np.ndarray) -> np.ndarray:
         """
-        Return the directions in which pixels look.
+        Return the viewing directions of image points.
 
         Parameters
         ----------
         points
-            (..., 2) float64 px.
+            (..., 2) float64 px; (0, 0) is the centre of the top-left pixel.
 
         Returns
         -------
         directions
-            (..., 3) float64 of length 1; nan where the model maps no direction to a point.
+            (..., 3) float64 unit vectors in the optical frame; nan for a point to which the model
+            maps no direction.
 
         """
         (fx, skew, cx), (_, fy, cy) = self.matrix[:2]
@@ -86,7 +99,12 @@ class Lens:
 
 
 def _equidistant(x: np.ndarray, y: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
-    """Solve theta (1 + k1 theta^2 + k2 theta^4 + ...) = |x, y| by Newton's method."""
+    """
+    Return the directions of normalised points under the equidistant model.
+
+    Newton's method solves theta (1 + k1 theta^2 + k2 theta^4 + ...) = |(x, y)| for the angle
+    theta from the optical axis.
+    """
     k1, k2, k3, k4 = coefficients[:4]
     radius = np.hypot(x, y)
     theta = np.minimum(radius, np.pi)
@@ -103,7 +121,11 @@ def _equidistant(x: np.ndarray, y: np.ndarray, coefficients: np.ndarray) -> np.n
 
 
 def _pinhole(x: np.ndarray, y: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
-    """Find what is distorted to x, y by Newton's method."""
+    """
+    Return the directions of normalised points under the polynomial models.
+
+    Newton's method finds the undistorted point (u, v) that the model distorts to (x, y).
+    """
     u, v = x.copy(), y.copy()
     with np.errstate(all='ignore'):
         for _ in range(ITERATIONS):
@@ -115,7 +137,8 @@ def _pinhole(x: np.ndarray, y: np.ndarray, coefficients: np.ndarray) -> np.ndarr
             a, b = a - x, b - y
             u = u - (kv * a - jv * b) / determinant
             v = v - (ju * b - ku * a) / determinant
-    # Where the distortion folds the image over, or turns it inside out, a solution is none.
+    # A solution does not count where the distortion folds the image over (determinant below 0)
+    # or mirrors it through the centre.
     wrong = ~((np.hypot(a, b) < EXACT) & (determinant > 0) & (u * x + v * y >= 0))
     rays = np.stack([u, v, np.ones_like(u)], axis=-1)
     rays[wrong] = np.nan
@@ -124,7 +147,11 @@ def _pinhole(x: np.ndarray, y: np.ndarray, coefficients: np.ndarray) -> np.ndarr
 
 def _distorted(u: np.ndarray, v: np.ndarray,
                coefficients: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Apply the rational polynomial, which plumb_bob is part of, to normalised coordinates."""
+    """
+    Distort normalised coordinates by the rational polynomial.
+
+    ``plumb_bob`` is the special case in which k4 to s4 are 0.
+    """
     k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4 = coefficients
     r = u * u + v * v
     radial = (1 + r * (k1 + r * (k2 + r * k3))) / (1 + r * (k4 + r * (k5 + r * k6)))

@@ -2,8 +2,9 @@
 The one-parameter division model of lens distortion (paper, equation (2)).
 
 ``x_u = x_d / (1 + lambda r_d^2)`` with the origin at the distortion centre.  Lambda is normalised
-throughout: ``r_d = 1`` at half the image's diagonal, which is the corner of the image when the
-centre is the image's own.  A barrel (wide-angle, fisheye) has lambda < 0.  Pixels are square.
+throughout: ``r_d = 1`` at half the image's diagonal, which is the distance of the image's corners
+from its centre.  Barrel distortion (wide-angle, fisheye) has lambda < 0, pincushion distortion
+lambda > 0.  Pixels are assumed to be square.
 
 Reference: A. W. Fitzgibbon, Simultaneous linear estimation of multiple view geometry and lens
 distortion, CVPR 2001.
@@ -16,15 +17,26 @@ import numpy as np
 
 from qflsd_ros.core.arcs import Arcs
 
-SAMPLES = 9     # points along an arc
+# Points along an arc from which its straight segment is fitted.  An undistorted arc of a straight
+# edge is straight, so that more points would not change the fit.
+SAMPLES = 9
 
 
 @dataclass(frozen=True)
 class DivisionModel:
     """
-    A lens: ``lam`` (normalised, see the module), its centre in px, the image's (height, width).
+    The lens of an image: its distortion by the division model.
 
-    The centre is the image's own unless another is given: ``((W - 1) / 2, (H - 1) / 2)``.
+    Attributes
+    ----------
+    lam
+        Lambda, normalised to half the image's diagonal; 0 is a lens without distortion.
+    shape
+        (height, width) of the image, px.
+    centre
+        Distortion centre (x, y) in px, with (0, 0) at the centre of the top-left pixel; None
+        stands for the image centre ``((W - 1) / 2, (H - 1) / 2)``.
+
     """
 
     lam: float
@@ -33,28 +45,29 @@ class DivisionModel:
 
     @property
     def half_diagonal(self) -> float:
-        """Half the image's diagonal in px: the unit of length in which lambda is given."""
+        """Half the image's diagonal in px, the unit of length of lambda."""
         return float(np.hypot(*self.shape)) / 2
 
     @property
     def origin(self) -> np.ndarray:
-        """Centre of distortion x, y in px."""
+        """Distortion centre x, y in px: (2,) float64."""
         height, width = self.shape
         return np.array(self.centre if self.centre is not None
                         else ((width - 1) / 2, (height - 1) / 2), float)
 
     @property
     def in_pixels(self) -> tuple[float, float, float]:
-        """Lambda in 1 / px^2, and the centre of distortion x, y in px."""
+        """Lambda in 1 / px^2, and the distortion centre x, y in px."""
         x, y = self.origin.tolist()
         return self.lam / self.half_diagonal ** 2, x, y
 
     def reduced(self, factor: int) -> DivisionModel:
         """
-        Return the lens of the same image made smaller: a pixel of each factor x factor pixels.
+        Return the lens of the image reduced by an integer factor.
 
-        Blocks begin at (0, 0), as those of :meth:`Arcs.scaled`; rows and columns at the end that
-        fill none are left out, for which lambda, in units of a shorter diagonal, makes up.
+        A pixel of the reduced image covers a block of factor x factor pixels.  Blocks begin
+        at (0, 0), as in :meth:`Arcs.scaled`; rows and columns at the end that do not fill a block
+        are dropped, and lambda is converted to the shorter diagonal.
         """
         if factor == 1:
             return self
@@ -66,10 +79,21 @@ class DivisionModel:
 
     def undistort(self, points: np.ndarray) -> np.ndarray:
         """
-        Map image points to where a lens without distortion shows them; (..., 2) px.
+        Map image points to the undistorted image (paper, equation (2)).
 
-        nan where such a lens shows nothing: from the radius 1 / sqrt(|lambda|) on, at which a
-        barrel looks sideways and a pincushion folds the image over.
+        The undistorted image has the same distortion centre, and the same scale there.
+
+        Parameters
+        ----------
+        points
+            (..., 2) px.
+
+        Returns
+        -------
+        undistorted
+            (..., 2) float64 px; nan from the radius 1 / sqrt(|lambda|) on, where a barrel looks
+            at right angles to the optical axis, and a pincushion folds the image over.
+
         """
         q = (np.asarray(points, float) - self.origin) / self.half_diagonal
         bend = self.lam * (q ** 2).sum(axis=-1, keepdims=True)
@@ -79,10 +103,19 @@ class DivisionModel:
 
     def distort(self, points: np.ndarray) -> np.ndarray:
         """
-        Map points of an image without distortion to where this lens shows them; (..., 2) px.
+        Map points of the undistorted image to this image: the exact inverse of `undistort`.
 
-        Exact inverse of :meth:`undistort`; nan where this lens has no image of a point
-        (lambda > 0 and too far out).
+        Parameters
+        ----------
+        points
+            (..., 2) px.
+
+        Returns
+        -------
+        distorted
+            (..., 2) float64 px; nan for points that this lens does not show (lambda > 0, and the
+            radius above 1 / sqrt(4 lambda)).
+
         """
         q = (np.asarray(points, float) - self.origin) / self.half_diagonal
         r2 = (q ** 2).sum(axis=-1, keepdims=True)
@@ -92,22 +125,22 @@ class DivisionModel:
 
     def curvature(self, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
         """
-        Return how the pictures of straight edges are bent.
+        Return the curvature of the images of straight edges.
 
-        From equation (4): an edge ``B x + C y + D = 0`` of the image without distortion is seen
-        as ``lambda D (x^2 + y^2) + B x + C y + D = 0``.
+        By equation (4) of the paper, the line ``B x + C y + D = 0`` of the undistorted image is
+        the circle ``lambda D (x^2 + y^2) + B x + C y + D = 0`` of this image.
 
         Parameters
         ----------
         points
-            (..., 2) px, image points on the edges.
+            (..., 2) px, points of this image on the edges.
         normals
-            (..., 2), unit normals of their pictures there.
+            (..., 2), unit normals of the images of the edges at these points.
 
         Returns
         -------
         curvature
-            (...) 1/px, positive where a picture bends away from its normal.
+            (...) float64 1/px, positive where the image of an edge bends away from its normal.
 
         """
         q = (np.asarray(points, float) - self.origin) / self.half_diagonal
@@ -115,30 +148,31 @@ class DivisionModel:
         return -2 * self.lam * across / (1 - self.lam * (q ** 2).sum(axis=-1)) / self.half_diagonal
 
 
-def rectified(arcs: Arcs, model: DivisionModel) -> np.ndarray:
+def rectified(arcs: Arcs, lens: DivisionModel) -> np.ndarray:
     """
-    Return arcs as the straight segments that a lens without distortion shows.
+    Return arcs as straight segments of the undistorted image.
 
     Parameters
     ----------
     arcs
-        The arcs of an image, of which each is taken for the picture of a straight edge.
-    model
+        The arcs of an image; each is assumed to be the image of a straight edge.
+    lens
         The lens of that image.
 
     Returns
     -------
     segments
-        (M, 2, 2) float64 px in the image without distortion, which has the same scale at the
-        centre of distortion: start and end of each arc, on the straight line that is closest to
-        the whole of it.  nan where an arc reaches to where such a lens shows nothing.
+        (M, 2, 2) float64 px of the undistorted image, which has the same scale as the image at
+        the distortion centre: start and end (x, y) of each arc, projected onto the straight line
+        of least squares through its undistorted points.  nan for an arc with a point that
+        :meth:`DivisionModel.undistort` cannot map.
 
     """
-    points = model.undistort(arcs.samples(SAMPLES))
+    points = lens.undistort(arcs.samples(SAMPLES))
     middle = points.mean(axis=1)
     off = points - middle[:, None]
     (xx, yy), xy = (off ** 2).sum(axis=1).T, (off[..., 0] * off[..., 1]).sum(axis=1)
-    angle = np.arctan2(2 * xy, xx - yy) / 2     # of the axis of least inertia
+    angle = np.arctan2(2 * xy, xx - yy) / 2     # of the line of least squares
     along = np.stack([np.cos(angle), np.sin(angle)], axis=-1)[:, None]
     ends = off[:, [0, -1]]
     return middle[:, None] + (ends * along).sum(axis=-1, keepdims=True) * along

@@ -1,26 +1,27 @@
 """
-The lens from the arcs of its own images: lambda without a calibration.
+Estimation of a lens from the arcs of its own images, without a calibration.
 
-Equation (4) of the paper holds for every arc of an image with the same lambda.  Where an arc
-passes the point p (from the centre of distortion) with the unit normal n, the picture of a
-straight edge has the curvature
+Equation (4) of the paper holds for the arcs of all straight edges with the same lambda.  The image
+of a straight edge that passes the point p (from the distortion centre) with the unit normal n has
+the curvature
 
-    k(lambda) = -2 lambda (n p) / (1 - lambda p^2)
+    k(lambda) = -2 lambda (n p) / (1 - lambda p^2).
 
-whatever the edge.  The curvature that is seen, with its standard deviation, is a measurement of
-lambda, sharp for long arcs far from the centre, void for those that pass through it.  Circles
-about the centre are left out: rather than edges at infinity, they are the rim of a fisheye's
-image.  Not all arcs are pictures of straight edges, so that the likelihood is a mixture
+The measured curvature of an arc, with its standard deviation, is therefore a measurement of
+lambda: precise for long arcs far from the centre, and without information for arcs that pass
+through it.  Circles about the centre are excluded: they are more likely the rim of a fisheye's
+image circle than edges at infinity.  Some arcs are not images of straight edges, so that the
+likelihood of an arc is the mixture
 
     (1 - OUTLIERS) t(k - k(lambda)) + OUTLIERS / (range of curvatures)
 
-with t Student's distribution of 3 degrees of freedom.  The most likely of some hundred lambdas
-is refined by Gauss-Newton steps with the weights of that mixture.
+where t is Student's distribution with 3 degrees of freedom.  The most likely of a few hundred
+candidates for lambda is refined by Gauss-Newton steps with the weights of that mixture.
 
-Pixels are taken to be square, which arcs do not show, and the centre of distortion to be the
-image's own unless it is estimated as well; arcs that contradict that widen the deviation.
+Pixels are assumed to be square, which arcs cannot show.  The distortion centre is assumed to be
+the image centre unless it is estimated too; the deviation of lambda grows if arcs contradict that.
 
-Unit of length: half the image's diagonal; origin: the image's centre.
+Unit of length: half the image's diagonal; origin: the image centre.
 
 References: F. Bukhari and M. N. Dailey, Automatic radial distortion estimation from a single
 image, JMIV 2013; M. Aleman-Flores et al., Automatic lens distortion correction using
@@ -37,58 +38,64 @@ from typing import NamedTuple
 import numpy as np
 
 from qflsd_ros.core.arcs import Arcs, TABLE
-from qflsd_ros.core.circle import fit, FIT_SIZE, NO_LENS
 from qflsd_ros.core.compilation import compiled
 from qflsd_ros.core.lens.division import DivisionModel
+from qflsd_ros.core.lens.observation import (
+    COLUMNS, CURVATURE, informative, NOISE, NORMAL, observe, POINT, VARIANCE)
 
-LOWEST, HIGHEST = -8.0, 0.6     # lambda: a fisheye beyond 180 degrees, a strong pincushion
-LEAST_ARCS = 5          # that must agree
-LEAST_SHARE = 0.3       # that must agree, of the arcs that say anything
-MAX_STD = 0.0115        # of lambda, from which on it is not observable
-OUTLIERS = 0.1          # share of arcs that are no pictures of straight edges
-OUTLIER_DENSITY = OUTLIERS / (2 * 10 / 3)       # their curvatures: up to 10 / 3 either way
-STUDENT = (1 - OUTLIERS) * 2 / (math.pi * math.sqrt(3))     # density of t for 3 degrees, at 0
-CORNER = 3              # edge points left out at each end: those of a rounded corner
-LEAST_POINTS = 8        # that must remain
-STRAY = 0.1             # px, sagitta by which real edges are bent
-LENS_ERROR = 0.01       # of lambda, by which real lenses leave the division model here and there
-COARSE_ERROR = 0.03     # the same while candidates are compared, from each to the next
-TELLING = 1.0           # standard deviation of lambda from which on one arc says nothing
-RIM = 0.05              # distance of a circle from the centre, up to which it is a fisheye's rim
-# Where arcs scatter more than by their own noise, so many err together (measured on photographs).
+# Range of lambda: from a fisheye that sees more than 180 degrees to a strong pincushion.
+LOWEST, HIGHEST = -8.0, 0.6
+# Arcs that must agree, and their share of the informative arcs: two or three arcs agree by chance
+# on one unknown, and well below a third of the arcs another group could be as large.
+LEAST_ARCS, LEAST_SHARE = 5, 0.3
+# Greatest standard deviation of an observable lambda.  By equation (4) it changes the sagitta of
+# an edge of the length 1 at the distance .5 from the centre by .6 px in an image of 640 x 480.
+MAX_STD = 0.0115
+# Share of arcs that are not images of straight edges; their curvatures are spread evenly over
+# -10 / 3 to 10 / 3, which is a radius of .3.
+OUTLIERS = 0.1
+OUTLIER_DENSITY = OUTLIERS / (2 * 10 / 3)
+# Density of Student's distribution with 3 degrees of freedom at 0, times the share of inliers.
+STUDENT = (1 - OUTLIERS) * 2 / (math.pi * math.sqrt(3))
+# Deviation of lambda (times (1 - lambda / 3)^2) by which real lenses leave the division model
+# locally; and the same for the comparison of candidates, where it is also their spacing.
+LENS_ERROR, COARSE_ERROR = 0.01, 0.03
+# Factor by which the scatter of arcs beyond their own noise counts, since neighbouring arcs share
+# the flaws of lens and edges.  Measured on annotated photographs.
 COMMON = 6.0
-CENTRE_SPREAD = 0.05    # standard deviation of the centre about the image's, before arcs are seen
-CENTRE_ERROR = 0.02     # by which flaws of lenses shift the centre that arcs show (photographs)
-# Square of the Mahalanobis distance from which on a centre is not the image's: chi^2 of 2 degrees
-# of freedom exceeds it once in 100.
+# Prior standard deviation of the distortion centre about the image centre, wide enough for lenses
+# that are mounted off centre; and the error of its estimate by the flaws of real lenses, measured
+# on annotated photographs.
+CENTRE_SPREAD, CENTRE_ERROR = 0.05, 0.02
+# Squared Mahalanobis distance from which on a centre differs from the image centre: the 99 %
+# quantile of chi^2 with 2 degrees of freedom.
 OFF_CENTRE = 9.2
-ITERATIONS = 30
-ASTRAY = 3.0            # times the bounds of lambda, from where steps do not come back
-SMALL = 0.02            # step after which no other follows, in standard deviations
-# Columns of observations: curvature, its variance by the noise and in all, unit normal, point.
-CURVATURE, NOISE, VARIANCE, NORMAL, POINT, COLUMNS = 0, 1, 2, 3, 5, 7
+# Gauss-Newton steps; an estimate that leaves ASTRAY times the range of lambda does not return; a
+# step below SMALL standard deviations ends the refinement, as it no longer matters.
+ITERATIONS, ASTRAY, SMALL = 30, 3.0, 0.02
 
 STRAIGHT_TABLE = np.dtype(TABLE.descr + [
-    ('straight', np.float64),   # probability that the arc is the picture of a straight edge
+    ('straight', np.float64),   # probability that the arc is the image of a straight edge
 ])
 
 
 @dataclass(frozen=True)
 class LensEstimate:
     """
-    A lens as the arcs tell it.
+    A lens estimated from arcs, with its uncertainty.
 
     Attributes
     ----------
     model
         The most likely lens.
     covariance
-        (3, 3) float64 of lambda and of the centre's x and y, px; 0 for a centre that was taken
-        for granted.
+        (3, 3) float64, the covariance of lambda and of the distortion centre's x and y (px); 0 for
+        a centre that was assumed, not estimated.
     agreeing
-        Number of arcs that agree with it.
+        Number of arcs that agree with the lens.
     share
-        The same as a share of all arcs that say something about it.
+        Their share of the informative arcs: those that are long enough and far enough from the
+        centre to depend on lambda.
 
     """
 
@@ -109,33 +116,40 @@ class LensEstimate:
 
     @property
     def centre_std(self) -> float:
-        """Return that of the centre, px, the larger of x and y; 0 if taken for granted."""
+        """
+        Return the standard deviation of the distortion centre, px: the larger one of x and y.
+
+        0 if the centre was assumed.
+        """
         return math.sqrt(max(self.covariance[1, 1], self.covariance[2, 2]))
 
 
 def estimate_distortion(images: Sequence[Arcs], shape: tuple[int, int], *, centre: bool = False,
                         max_std: float = MAX_STD) -> LensEstimate | None:
     """
-    Estimate the lens through which images were taken, from their arcs.
+    Estimate the lens of a camera from the arcs of its images.
 
     Parameters
     ----------
     images
-        The arcs of each image.
+        The arcs of each image; all images are from the same camera.
     shape
         (height, width) of the images, px.
     centre
-        Estimate the centre of distortion as well; it stays close to that of the image where the
-        arcs say little about it.  Otherwise it is the image's: where the arcs contradict that,
-        the standard deviation of lambda covers the error, and the log says so.
+        Whether to estimate the distortion centre too.  It stays close to the image centre if the
+        arcs contain little information about it.  If False, the image centre is assumed; if the
+        arcs contradict that, the log says so and the standard deviation of lambda covers the
+        error.
     max_std
-        Standard deviation of lambda from which on it is not observable; where that is far from 0,
-        (1 - lambda / 3)^2 times as much, as it takes that much to bend pictures alike.
+        Greatest standard deviation of an observable lambda near 0.  The limit is
+        (1 - lambda / 3)^2 times as large elsewhere, where the same change of lambda bends lines
+        less.
 
     Returns
     -------
-    The lens, or None where it is not observable, with the reason in the log: too few arcs, all
-    of them short or through the centre, or no lens that enough of them agree with.
+    estimate
+        None if the lens is not observable: there are too few arcs, all arcs are short or pass
+        through the centre, or too few of them agree.  The log has the reason.
 
     """
     seen = np.concatenate([np.empty((0, COLUMNS))] + [observe(arcs, shape) for arcs in images])
@@ -144,22 +158,30 @@ def estimate_distortion(images: Sequence[Arcs], shape: tuple[int, int], *, centr
 
 def estimate_from(seen: np.ndarray, shape: tuple[int, int], centre: bool = False,
                   max_std: float = MAX_STD) -> LensEstimate | None:
-    """Do as :func:`estimate_distortion`, from what :func:`observe` returns."""
-    useful = telling(seen)
+    """
+    Estimate the lens from observations of arcs.
+
+    ``seen`` is the result of :func:`observe`, (N, COLUMNS); all else is as in
+    :func:`estimate_distortion`.
+    """
+    useful = informative(seen)
     if len(useful) < LEAST_ARCS:
-        return _not_observable(f'{len(useful)} of {len(seen)} arcs are long enough and far '
-                               f'enough from the centre, must be at least {LEAST_ARCS}')
+        _log_unobservable(f'{len(useful)} of {len(seen)} arcs are long enough and far enough from '
+                          f'the centre, must be at least {LEAST_ARCS}')
+        return None
     fit = _refine(useful, _best(useful, centre), 3 if centre else 1)
     agreeing = int(np.count_nonzero(fit.straight > 0.5))
     if agreeing < max(LEAST_ARCS, LEAST_SHARE * len(useful)):
-        return _not_observable(f'{agreeing} of {len(useful)} arcs agree at most')
+        _log_unobservable(f'{agreeing} of {len(useful)} arcs agree at most')
+        return None
     lam, covariance = float(fit.lens[0]), fit.covariance
     if not centre:
-        covariance[0, 0] += _astray(useful, fit) ** 2
+        covariance[0, 0] += _error_by_centre(useful, fit) ** 2
     std, most = math.sqrt(covariance[0, 0]), max_std * (1 - lam / 3) ** 2
     if not (LOWEST <= lam <= HIGHEST and std <= most):
-        return _not_observable(f'lambda would be {lam:.3f} with a standard deviation of '
-                               f'{std:.3f}, must be at most {most:.3f}')
+        _log_unobservable(f'lambda would be {lam:.3f} with a standard deviation of {std:.3f}, '
+                          f'must be at most {most:.3f}')
+        return None
     model = DivisionModel(lam, shape)
     scale = np.array([1.0, model.half_diagonal, model.half_diagonal])
     if centre:
@@ -168,20 +190,12 @@ def estimate_from(seen: np.ndarray, shape: tuple[int, int], centre: bool = False
                         agreeing / len(useful))
 
 
-def telling(seen: np.ndarray) -> np.ndarray:
-    """Return the observations that say something of the lens by themselves, and are no rim."""
-    bend, normal, point = seen[:, [CURVATURE]], seen[:, NORMAL:POINT], seen[:, POINT:]
-    across = (normal * point).sum(axis=1)
-    is_rim = np.hypot(*(bend * point - normal).T) < RIM * np.abs(bend[:, 0])
-    return seen[(4 * across ** 2 * TELLING ** 2 > seen[:, VARIANCE]) & ~is_rim]
-
-
-def _astray(seen: np.ndarray, fit: _Fit) -> float:
+def _error_by_centre(seen: np.ndarray, fit: _Fit) -> float:
     """
-    Return by how much lambda is wrong where arcs contradict the centre that it takes for granted.
+    Return the error of lambda if arcs contradict the assumed distortion centre, else 0.
 
-    The most likely centre is then farther off than its own scatter and CENTRE_ERROR explain, and
-    lambda with that centre differs from the one without by about its error.
+    Arcs contradict it if the most likely centre is farther off than its scatter and CENTRE_ERROR
+    explain.  The difference of lambda with the two centres is then about the error.
     """
     free = _refine(seen, fit.lens[0], 3)
     shift = free.lens[1:]
@@ -190,84 +204,62 @@ def _astray(seen: np.ndarray, fit: _Fit) -> float:
         return 0.0
     logging.getLogger(__name__).info(
         'arcs contradict a centre of distortion in the middle of the image: it seems to be off '
-        'by (%.2f, %.2f) of half the diagonal and should be estimated, too', *shift)
+        'by (%.2f, %.2f) of half the diagonal and should be estimated too', *shift)
     return free.lens[0] - fit.lens[0]
 
 
-def straightness(arcs: Arcs, model: DivisionModel) -> np.ndarray:
+def straightness(arcs: Arcs, lens: DivisionModel) -> np.ndarray:
     """
-    Return for each arc the probability that it is the picture of a straight edge: (M,) float64.
+    Return the probability of each arc that it is the image of a straight edge.
 
-    Near 0 for true circles; nan for arcs of too few edge points to tell.
+    Parameters
+    ----------
+    arcs
+        The arcs of an image.
+    lens
+        The lens of that image.
+
+    Returns
+    -------
+    probability
+        (M,) float64, near 0 for circles; nan for arcs with too few edge points for a curvature.
+
     """
-    seen = observe(arcs, model.shape)
-    shift = (model.origin - DivisionModel(0.0, model.shape).origin) / model.half_diagonal
-    return _compared(seen, np.array([model.lam, *shift]), np.zeros((2, 2)))[:, 4]
+    seen = observe(arcs, lens.shape)
+    shift = (lens.origin - DivisionModel(0.0, lens.shape).origin) / lens.half_diagonal
+    return _compared(seen, np.array([lens.lam, *shift]), np.zeros((2, 2)))[:, 4]
 
 
-def with_straightness(arcs: Arcs, model: DivisionModel | None) -> Arcs:
+def with_straightness(arcs: Arcs, lens: DivisionModel | None) -> Arcs:
     """
-    Return the arcs with their :func:`straightness` as a column ``straight`` of the table.
+    Return the arcs with :func:`straightness` as an additional column ``straight`` of the table.
 
-    It is nan where no lens is known.
+    The column is nan if the lens is unknown (None).
     """
     table = np.empty(len(arcs), STRAIGHT_TABLE)
-    for name in TABLE.names:
+    for name in TABLE.fields or ():
         table[name] = arcs.table[name]
-    table['straight'] = np.nan if model is None else straightness(arcs, model)
+    table['straight'] = np.nan if lens is None else straightness(arcs, lens)
     return replace(arcs, table=table)
 
 
 def warm_up() -> None:
-    """Compile the kernels, or load them from numba's cache, before the first frame comes."""
+    """Compile the kernels, or load them from the cache, before the first frame comes."""
     seen = observe(Arcs.empty(), (1, 1))
     _best(seen, False)
     _compared(seen, np.zeros(3), np.zeros((2, 2)))
 
 
-def _not_observable(reason: str) -> None:
+def _log_unobservable(reason: str) -> None:
     logging.getLogger(__name__).info('lens not observable: %s', reason)
-
-
-def observe(arcs: Arcs, shape: tuple[int, int]) -> np.ndarray:
-    """
-    Return what arcs say of the lens: a row for each, nan for one of too few edge points.
-
-    Their curvature is fitted anew: that in the table is 0 where it is not significant, and takes
-    in the ends, where corners are rounded.
-    """
-    seen = np.full((len(arcs), COLUMNS), np.nan)
-    _observe(np.ascontiguousarray(arcs.edge_points.T), arcs.offsets, arcs.table['length'],
-             DivisionModel(0.0, shape).origin, float(np.hypot(*shape)) / 2,
-             np.empty((1, FIT_SIZE)), seen)
-    return seen
-
-
-@compiled
-def _observe(points: np.ndarray, offsets: np.ndarray, lengths: np.ndarray, origin: np.ndarray,
-             unit: float, fits: np.ndarray, seen: np.ndarray) -> None:
-    for i in range(len(seen)):
-        first, last = offsets[i] + CORNER, offsets[i + 1] - 1 - CORNER
-        if last - first + 1 < LEAST_POINTS or not fit(points, first, last, 0.0, 0.0, np.inf,
-                                                      NO_LENS, fits, 0):
-            continue
-        x, y, A, B, C, D = fits[0, 0], fits[0, 1], fits[0, 2], fits[0, 3], fits[0, 4], fits[0, 5]
-        size = math.sqrt(B * B + C * C)
-        off = 2 * D / (1 + size)
-        seen[i, CURVATURE] = 2 * A * unit
-        seen[i, NOISE] = 4 * fits[0, 8] * unit ** 2
-        seen[i, VARIANCE] = seen[i, NOISE] + (8 * STRAY * unit / lengths[i] ** 2) ** 2
-        seen[i, NORMAL], seen[i, NORMAL + 1] = B / size, C / size
-        seen[i, POINT] = (x - off * B / size - origin[0]) / unit
-        seen[i, POINT + 1] = (y - off * C / size - origin[1]) / unit
 
 
 def _candidates() -> np.ndarray:
     """
-    Return lambdas so far from each other as the errors to be expected.
+    Return candidates for lambda whose spacing is the expected error, COARSE_ERROR.
 
-    With lambda the change of curvature falls off as ``(1 - lambda p^2)^2``, where p^2 is 1 / 3 on
-    average over an image; so ``lambda / (1 - lambda / 3)`` is evenly spaced.
+    The curvature depends on lambda as ``1 / (1 - lambda p^2)^2``, where p^2 is 1 / 3 on average
+    over an image; hence the candidates are evenly spaced in ``lambda / (1 - lambda / 3)``.
     """
     low, high = (lam / (1 - lam / 3) for lam in (LOWEST, HIGHEST))
     even = np.arange(low, high, COARSE_ERROR)
@@ -278,7 +270,7 @@ CANDIDATES = _candidates()
 
 
 def _best(seen: np.ndarray, centre: bool) -> float:
-    """Return the most likely of the candidates; ``centre`` tells whether that is open."""
+    """Return the most likely candidate; ``centre`` is whether the centre is estimated too."""
     likelihoods = np.zeros(len(CANDIDATES))
     _vote(seen, CANDIDATES, 2 * CENTRE_SPREAD * centre, likelihoods)
     return CANDIDATES[np.argmax(likelihoods)]
@@ -287,7 +279,11 @@ def _best(seen: np.ndarray, centre: bool) -> float:
 @compiled
 def _vote(seen: np.ndarray, candidates: np.ndarray, centre_spread: float,
           likelihoods: np.ndarray) -> None:
-    """Add up the logarithm of the likelihood of each candidate, but for a constant."""
+    """
+    Add up the log likelihood of each candidate, up to a constant.
+
+    Likelihoods are multiplied as long as float64 can hold the product, which saves logarithms.
+    """
     for j in range(len(candidates)):
         lam = candidates[j]
         error = 2 * COARSE_ERROR * (1 - lam / 3) ** 2
@@ -310,10 +306,23 @@ def _vote(seen: np.ndarray, candidates: np.ndarray, centre_spread: float,
 
 def _compared(seen: np.ndarray, lens: np.ndarray, spread: np.ndarray) -> np.ndarray:
     """
-    Compare arcs with a lens: lambda, and the centre, known up to the covariance ``spread``.
+    Compare observations with a lens.
 
-    Returns for each arc k - k(lens), the derivative of k(lens) to lambda and centre, the
-    probability that it is straight, and its weight in least squares: (N, 6).
+    Parameters
+    ----------
+    seen
+        (N, COLUMNS), as returned by :func:`observe`.
+    lens
+        (3,) lambda and the distortion centre.
+    spread
+        (2, 2) covariance of that centre.
+
+    Returns
+    -------
+    found
+        (N, 6): the residual k - k(lens); the derivatives of k(lens) by lambda and by the centre's
+        x and y; the probability that the edge is straight; the weight in least squares.
+
     """
     found = np.empty((len(seen), 6))
     _compare(seen, lens, spread, found)
@@ -322,6 +331,7 @@ def _compared(seen: np.ndarray, lens: np.ndarray, spread: np.ndarray) -> np.ndar
 
 @compiled
 def _compare(seen: np.ndarray, lens: np.ndarray, spread: np.ndarray, found: np.ndarray) -> None:
+    """Fill in the comparison; the arguments are those of :func:`_compared`."""
     lam = lens[0]
     lens_error = (LENS_ERROR * (1 - lam / 3) ** 2) ** 2
     for i in range(len(seen)):
@@ -343,11 +353,19 @@ def _compare(seen: np.ndarray, lens: np.ndarray, spread: np.ndarray, found: np.n
 
 class _Fit(NamedTuple):
     """
-    A lens fitted to arcs.
+    A lens fitted to arcs, in units of half the diagonal.
 
-    Lambda and the centre, (3,); their covariance, (3, 3), without and with the error by which
-    the centre is drawn to the image's own, 0 where it is; and the probability of each arc to be
-    straight, (N,).  In units of half the diagonal.
+    Attributes
+    ----------
+    lens
+        (3,) lambda and the distortion centre.
+    scatter
+        (3, 3) covariance of the lens from the scatter of the arcs alone; 0 for an assumed centre.
+    covariance
+        (3, 3) the same with the error by which the prior draws the centre to the image centre.
+    straight
+        (N,) probability of each arc that it is the image of a straight edge.
+
     """
 
     lens: np.ndarray
@@ -358,10 +376,10 @@ class _Fit(NamedTuple):
 
 def _refine(seen: np.ndarray, start: float, free: int) -> _Fit:
     """
-    Return the most likely lens near a lambda.
+    Return the most likely lens near the lambda ``start``.
 
-    Of lambda and the centre's x and y the first ``free`` are looked for.  The centre is as open
-    at first as CENTRE_SPREAD says, then as the arcs leave it.
+    ``free`` is 1 to estimate lambda alone and 3 to estimate the centre too.  The uncertainty of
+    the centre is CENTRE_SPREAD at first, and that of the last step afterwards.
     """
     lens = np.array([start, 0.0, 0.0])
     prior = np.diag([0.0, CENTRE_SPREAD ** -2, CENTRE_SPREAD ** -2][:free])
@@ -389,10 +407,12 @@ def _refine(seen: np.ndarray, start: float, free: int) -> _Fit:
 
 def _scatter(seen: np.ndarray, error: np.ndarray, influence: np.ndarray) -> np.ndarray:
     """
-    Return the covariance of a fit from how the arcs scatter, each left out of it in turn.
+    Return the covariance of a fit from the scatter of the arcs.
 
-    Arcs that lie close to each other show the same flaws of lens and edges: what is more than
-    their own noise counts COMMON times, as if so many were one.
+    ``error`` has the residuals with each arc left out of the fit in turn (jackknife), and
+    ``influence`` the derivative of the lens by each residual.  The part of the variance beyond
+    the arcs' own noise counts COMMON times, as neighbouring arcs share the flaws of lens and
+    edges: they err together.
     """
     noise = (influence ** 2 * seen[:, [NOISE]]).sum(axis=0)
     product = (influence.T * error ** 2) @ influence

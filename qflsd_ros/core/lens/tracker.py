@@ -1,9 +1,10 @@
 """
-The lens of a camera over time, from the arcs of one frame after the other.
+The lens of a camera over time, estimated from the arcs of successive frames.
 
-Frames that determine the lens alone are averaged, each with the weight of its variance, and
-forgotten after a while.  Those that do not are taken together as far as they are other views:
-the same edges in the same place err alike, however often they are seen.
+Frames that determine the lens by themselves are averaged, weighted by their inverse variance, with
+an exponential memory.  The arcs of other frames are collected until they determine the lens
+together, but only from different views: the same edges in the same place have the same errors,
+however often they are seen.
 """
 from __future__ import annotations
 
@@ -12,59 +13,94 @@ from dataclasses import replace
 import numpy as np
 
 from qflsd_ros.core.arcs import Arcs
-from qflsd_ros.core.lens.estimation import (
-    COLUMNS, estimate_from, LensEstimate, NORMAL, observe, POINT, telling)
+from qflsd_ros.core.lens.estimation import estimate_from, LensEstimate
+from qflsd_ros.core.lens.observation import COLUMNS, informative, NORMAL, observe, POINT
 
-MEMORY = 100            # frames that determine the lens, after which one of them counts 1 / e
-START = 30              # frames that are all looked at
-EVERY = 16              # later the first of so many, as long as they show the same lens
-ROOM = 300              # arcs kept of frames that do not determine the lens alone
-# Distance between the middles of arcs, of half the diagonal, and sine of the angle between them,
-# up to which they are one edge in two frames.  The lambda of a true circle changes by about as
-# large a share as its place does, too little to count as another observation.
+# Evaluated frames after which a frame counts 1 / e: about a minute of video, since lenses seldom
+# change.
+MEMORY = 100
+# All of the first START frames are evaluated, so that the lens is known within a second; then one
+# of EVERY frames while the lens stays the same, so that the tracker costs little time.
+START, EVERY = 30, 16
+# Arcs that are kept of frames that do not determine the lens by themselves: more than the largest
+# of such frames have.
+ROOM = 300
+# Two arcs are the same edge in two frames if their middles are closer than NEAR half diagonals and
+# the sine of the angle between them is below PARALLEL (10 degrees).  Between those limits, the
+# lambda that a circle simulates changes by about the same share as its place: too little to count
+# as another observation.
 NEAR, PARALLEL = 0.1, 0.17
-KNOWN = 0.5             # share of a frame's arcs that are not new, from which on it is no new view
-# Mahalanobis distance from which on a frame is an outlier, for lambda alone and with the centre:
-# normal errors exceed either once in 16000.
+# A frame is a new view if less than this share of its arcs has been seen: most arcs are new.
+KNOWN = 0.5
+# Mahalanobis distance from which on a frame is an outlier, for lambda alone (1 unknown) and with
+# the centre (3 unknowns): normally distributed errors exceed either once in 16000 frames.
 DEVIATIONS = {1: 4.0, 3: 4.7}
-TINY = 1e-12             # in place of 0 where something is divided by it
-PATIENCE = 15           # outliers in a row after which the lens is another one
+TINY = 1e-12            # lower bound of divisors, far below any variance that occurs
+# Successive outliers after which the lens is taken to have changed: half a second at 30 Hz, since
+# every frame is evaluated after an outlier.
+PATIENCE = 15
 
 
 class LensTracker:
     """
     Estimates the lens from frame to frame.
 
+    Parameters
+    ----------
+    centre
+        Whether to estimate the distortion centre too; otherwise it is the image centre.
+
     Attributes
     ----------
     estimate
-        The lens by all frames so far, or None while they do not tell it.  ``agreeing`` and
-        ``share`` are those of the newest frame that counted.
+        The lens by all frames so far, or None while it is not observable.  ``agreeing`` and
+        ``share`` are those of the last frame that was averaged.
     outliers
-        Number of frames that told another lens and were left out.
+        Number of frames that were ignored because they contradict the estimate.
 
     """
 
     def __init__(self, centre: bool = False) -> None:
-        """Begin; ``centre`` tells whether the centre of distortion is estimated as well."""
         self._centre = centre
-        self.estimate: LensEstimate | None = None
         self.outliers = 0
         self._forget((0, 0))
 
+    def _forget(self, shape: tuple[int, int]) -> None:
+        """Begin anew, with frames of a shape."""
+        self._shape = shape
+        self.estimate: LensEstimate | None = None
+        self._frames = 0
+        self._contrary = 0          # successive outliers
+        self._alone = False         # whether a single frame has determined the lens
+        # Observations of frames that have not.
+        self._waiting = np.empty((0, COLUMNS))
+        # Running sums and means for lambda and the centre's x and y, (3,) each: sum of the weights
+        # and of their squares; mean; mean variance of the frames; scatter of the frames about the
+        # mean; mean squared difference of successive frames; the last frame.
+        self._weight = self._squares = self._mean = np.zeros(3)
+        self._variance = self._scatter = self._steps = self._last = np.zeros(3)
+
     def add(self, arcs: Arcs, shape: tuple[int, int]) -> None:
         """
-        Take in the arcs of the next frame, of a shape (height, width) in px.
+        Update the estimate by the arcs of the next frame.
 
-        Most frames are passed over later on: they are much like their neighbours, and looking at
-        each would cost some percent of the time that its detection takes.
+        After the first START frames most frames are ignored: they resemble their neighbours, and
+        evaluating each would cost some percent of the time of its detection.
+
+        Parameters
+        ----------
+        arcs
+            The arcs of the frame.
+        shape
+            (height, width) of the frame, px; the estimate begins anew when it changes.
+
         """
         if shape != self._shape:
             self._forget(shape)
         self._frames += 1
         if self._frames > START and self._frames % EVERY and not self._contrary:
             return
-        seen = telling(observe(arcs, shape))
+        seen = informative(observe(arcs, shape))
         frame = estimate_from(seen, shape, self._centre)
         alone = frame is not None
         if frame is None and self._is_new_view(seen):
@@ -75,7 +111,7 @@ class LensTracker:
         self._waiting = self._waiting[:0]
         if self._is_outlier(frame):
             self.outliers += 1
-            # Evidence from several frames does not replace that of a single one.
+            # Collected frames do not replace a lens that a single frame has determined.
             self._contrary += alone or not self._alone
             if self._contrary < PATIENCE:
                 return
@@ -84,15 +120,12 @@ class LensTracker:
         self._alone |= alone
         self._average(frame)
 
-    def _forget(self, shape: tuple[int, int]) -> None:
-        self._shape, self._frames, self._contrary, self.estimate = shape, 0, 0, None
-        self._alone = False     # whether a single frame has determined the lens
-        self._waiting = np.empty((0, COLUMNS))
-        self._weight = self._squares = self._mean = self._last = np.zeros(3)
-        self._variance = self._scatter = self._steps = np.zeros(3)
-
     def _is_new_view(self, seen: np.ndarray) -> bool:
-        """Compare arcs with those that wait; drop of these what is seen anew in another view."""
+        """
+        Return whether the observations are of a new view, compared with those that wait.
+
+        Waiting observations of edges that the new view shows again are dropped.
+        """
         old = self._waiting
         apart = np.linalg.norm(seen[:, None, POINT:] - old[:, POINT:], axis=2)
         normals, others = seen[:, NORMAL:POINT], old[:, NORMAL:POINT]
@@ -104,15 +137,16 @@ class LensTracker:
         return True
 
     def _is_outlier(self, frame: LensEstimate) -> bool:
+        """Return whether a frame contradicts the estimate, by their Mahalanobis distance."""
         if self.estimate is None:
             return False
         free = 3 if self._centre else 1
         off = (_values(frame) - _values(self.estimate))[:free]
         covariance = (frame.covariance + self.estimate.covariance)[:free, :free]
-        return off @ np.linalg.solve(covariance, off) > DEVIATIONS[free] ** 2
+        return bool(off @ np.linalg.solve(covariance, off) > DEVIATIONS[free] ** 2)
 
     def _average(self, frame: LensEstimate) -> None:
-        """Take in a frame: running means of lambda and centre, of their variance and scatter."""
+        """Update the running means of lambda and centre, of their variance and scatter."""
         values, deviations = _values(frame), np.sqrt(np.diag(frame.covariance))
         weights = 1 / np.maximum(deviations, TINY) ** 2
         first, keep = not self._weight.any(), 1 - 1 / MEMORY
@@ -127,26 +161,27 @@ class LensTracker:
         self._last = values
         model = replace(frame.model, lam=float(self._mean[0]),
                         centre=tuple(self._mean[1:].tolist()) if self._centre else None)
-        # Correlated as in the newest frame.
+        # The correlations are those of the newest frame.
         scale = self._deviations() / np.maximum(deviations, TINY)
         self.estimate = replace(frame, model=model,
                                 covariance=frame.covariance * np.outer(scale, scale))
 
     def _deviations(self) -> np.ndarray:
         """
-        Return the standard deviations of lambda and of the centre's x and y.
+        Return the standard deviations of lambda and of the centre's x and y: (3,).
 
-        Errors that frames have in common, since they show the same scene, are not in their
-        scatter: they stay however many frames there are.  The scatter falls off with their
-        number, as far as one does not follow the one before.
+        Frames of the same scene have errors in common.  These are the part of the frames' variance
+        that their scatter does not show, and do not fall with the number of frames.  The scatter
+        falls with the effective number of frames, which accounts for the weights and for the
+        correlation of successive frames (first-order autoregression).
         """
-        alike = np.maximum(self._variance - self._scatter, 0)
-        follow = 1 - self._steps / np.maximum(2 * self._scatter, TINY)
-        follow = np.clip(follow, 0, 0.99)
-        number = self._weight ** 2 / self._squares * (1 - follow) / (1 + follow)
-        return np.sqrt(alike + self._scatter / np.maximum(number, 1))
+        common = np.maximum(self._variance - self._scatter, 0)
+        correlation = 1 - self._steps / np.maximum(2 * self._scatter, TINY)
+        correlation = np.clip(correlation, 0, 0.99)     # below 1, which would leave no frame
+        number = self._weight ** 2 / self._squares * (1 - correlation) / (1 + correlation)
+        return np.sqrt(common + self._scatter / np.maximum(number, 1))
 
 
 def _values(estimate: LensEstimate) -> np.ndarray:
-    """Return lambda and the centre's x and y, px."""
+    """Return lambda and the distortion centre's x and y (px): (3,)."""
     return np.array([estimate.lam, *estimate.model.origin])

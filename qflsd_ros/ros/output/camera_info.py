@@ -4,7 +4,7 @@ from __future__ import annotations
 from array import array
 
 import numpy as np
-from qflsd_ros.core.lens.camera_model import Lens
+from qflsd_ros.core.lens.camera_model import CameraModel
 from qflsd_ros.core.lens.division import DivisionModel
 from qflsd_ros.ros.lens import described
 from qflsd_ros.sources.frames import FrameError
@@ -17,7 +17,7 @@ class CalibrationError(FrameError):
     """A CameraInfo that is missing, or that does not describe the camera of the image."""
 
 
-def camera_model(info: CameraInfo | None, topic: str, height: int, width: int) -> Lens:
+def camera_model(info: CameraInfo | None, topic: str, height: int, width: int) -> CameraModel:
     """
     Return the calibrated camera that took an image.
 
@@ -47,7 +47,7 @@ def camera_model(info: CameraInfo | None, topic: str, height: int, width: int) -
             f'camera_info on {topic} describes images of {" x ".join(map(str, size(info)))} '
             f'pixels: must describe images of {width} x {height}, like the one received')
     try:
-        return Lens(info.distortion_model, matrix(info), np.array(info.d))
+        return CameraModel(info.distortion_model, matrix(info), np.array(info.d))
     except ValueError as error:
         raise CalibrationError(
             Reason.BAD_CALIBRATION, f'camera_info on {topic}: {error}') from error

@@ -13,7 +13,7 @@ from typing import Any, Callable, NamedTuple
 import numpy as np
 from qflsd_ros.core import Arcs
 from qflsd_ros.core.geometry.planes import planes
-from qflsd_ros.core.lens.camera_model import Lens
+from qflsd_ros.core.lens.camera_model import CameraModel
 from qflsd_ros.core.lens.division import DivisionModel
 from qflsd_ros.core.lens.estimation import with_straightness
 from qflsd_ros.ros import lens
@@ -76,7 +76,7 @@ def distortion(result: Result) -> DivisionModel:
     return lens.required(result.model, result.settings)
 
 
-def calibration(result: Result) -> Lens:
+def calibration(result: Result) -> CameraModel:
     """Return the calibrated camera; CalibrationError if the camera_info does not give one."""
     return camera_info.camera_model(
         result.calibration, result.calibration_topic, *result.gray.shape)
@@ -136,7 +136,7 @@ def _rectified(result: Result, arcs: Arcs, model: DivisionModel) -> PointCloud2:
     return clouds.rectified(result.header, arcs, model)
 
 
-def _planes(result: Result, camera: Lens) -> PointCloud2:
+def _planes(result: Result, camera: CameraModel) -> PointCloud2:
     return clouds.plane_records(result.header, planes(result.arcs, camera))
 
 

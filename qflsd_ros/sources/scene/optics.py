@@ -1,4 +1,4 @@
-"""The camera of the synthetic scene: which way each pixel looks, and where a point is seen."""
+"""The camera of the synthetic scene: viewing directions of pixels, and projection of points."""
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -9,17 +9,21 @@ import numpy as np
 from qflsd_ros.core.compilation import compiled, inlined
 from qflsd_ros.core.lens.division import DivisionModel
 
-FOCAL = 0.9     # half diagonals
-MARGIN = 2.0    # px
+# Focal length, half diagonals: 96 degrees over the diagonal without distortion, so that the camera
+# sees most of a wall from within the room.
+FOCAL = 0.9
+MARGIN = 2.0    # px about a sample of an edge: half the longest step, 3 px, and some for rounding
+
+Point = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
 class Camera:
     """
-    A lens at a place in the world.
+    A camera at a place in the world.
 
-    The division model is taken as the direction ``(x_d, y_d, focal (1 + lambda r_d^2))`` that a
-    pixel looks in, which holds beyond 90 degrees from the optical axis as well.
+    By the division model a pixel looks in the direction ``(x_d, y_d, focal (1 + lambda r_d^2))``
+    of the camera's axes, which also holds beyond 90 degrees from the optical axis.
     """
 
     lens: DivisionModel
@@ -27,18 +31,23 @@ class Camera:
     axes: np.ndarray        # (3, 3): the image's x axis, its y axis, the optical axis as rows
 
     def numbers(self) -> tuple[float, ...]:
-        """Return all that the compiled functions need to know."""
+        """
+        Return the camera as the kernels take it.
+
+        These are the distortion centre (2, px), the reciprocal of half the diagonal, FOCAL, lambda
+        and the axes (9).
+        """
         return (*map(float, self.lens.origin), 1 / self.lens.half_diagonal, FOCAL, self.lens.lam,
                 *map(float, self.axes.ravel()))
 
     def rays(self, points: np.ndarray) -> np.ndarray:
-        """Return the directions in the world that are seen at (..., 2) px; (..., 3)."""
+        """Return the viewing directions of image points, (..., 2) px, in the world: (..., 3)."""
         q = (np.asarray(points, float) - self.lens.origin) / self.lens.half_diagonal
         depth = FOCAL * (1 + self.lens.lam * (q ** 2).sum(axis=-1, keepdims=True))
         return np.concatenate([q, depth], axis=-1) @ self.axes
 
     def project(self, points: np.ndarray) -> np.ndarray:
-        """Return where points of the world, (..., 3) m, are seen; (..., 2) px, nan if nowhere."""
+        """Project points of the world, (..., 3) m: (..., 2) px, nan for points without image."""
         local = (points - self.position) @ self.axes.T
         side, depth = local[..., :2], local[..., 2:] / FOCAL
         with np.errstate(invalid='ignore', divide='ignore'):
@@ -49,8 +58,8 @@ class Camera:
 
 
 def angles_per_pixel(lens: DivisionModel) -> tuple[float, float]:
-    """Return the smallest and the largest angle in radians that a step of 1 px makes."""
-    r = np.linspace(1e-3, 1, 200)
+    """Return the smallest and the largest angle, radians, between directions 1 px apart."""
+    r = np.linspace(1e-3, 1, 200)   # the angles change slowly with the radius
     depth = FOCAL * (1 + lens.lam * r ** 2)
     radial = FOCAL * (1 - lens.lam * r ** 2) / (r ** 2 + depth ** 2)
     tangential = 1 / np.hypot(r, depth)
@@ -59,19 +68,19 @@ def angles_per_pixel(lens: DivisionModel) -> tuple[float, float]:
 
 
 @inlined
-def ray(camera, x, y):
-    """Return the direction in the world that is seen at x, y px."""
+def ray(camera: tuple[float, ...], x: float, y: float) -> Point:
+    """Return the viewing direction of the image point x, y (px) in the world."""
     x0, y0, scale, focal, lam, ax, ay, az, bx, by, bz, cx, cy, cz = camera
     u, v = (x - x0) * scale, (y - y0) * scale
     w = focal * (1 + lam * (u * u + v * v))
-    # What lies exactly in a face would divide by 0.
+    # The offset prevents a division by 0 for rays that are parallel to a face.
     return (u * ax + v * bx + w * cx + 1e-12, u * ay + v * by + w * cy + 1e-12,
             u * az + v * bz + w * cz + 1e-12)
 
 
 @inlined
-def project(camera, px, py, pz):
-    """Return where a point is seen, given relative to the camera in the world's axes; px."""
+def project(camera: tuple[float, ...], px: float, py: float, pz: float) -> tuple[float, float]:
+    """Project a point, given relative to the camera in the world's axes (m): x, y px, or nan."""
     x0, y0, scale, focal, lam, ax, ay, az, bx, by, bz, cx, cy, cz = camera
     x, y = px * ax + py * ay + pz * az, px * bx + py * by + pz * bz
     depth = (px * cx + py * cy + pz * cz) / focal
@@ -83,22 +92,23 @@ def project(camera, px, py, pz):
 
 
 @compiled
-def near_edges(camera, eye, lines, step, size, busy):
+def near_edges(camera: tuple[float, ...], eye: Point, lines: np.ndarray, step: float, size: int,
+               busy: np.ndarray) -> None:
     """
-    Mark which blocks of an image an edge may cross.
+    Mark the blocks of an image that an edge may cross.
 
     Parameters
     ----------
     camera, eye
-        The camera's numbers and its position, three floats, m.
+        :meth:`Camera.numbers`, and the camera's position, m.
     lines
-        (N, 2, 3) m, starts and ends of edges; hidden ones count as well.
+        (N, 2, 3) m, starts and ends of edges, hidden ones included.
     step
-        Angle in radians that is at most 3 px.
+        Distance of samples along an edge as an angle, radians; at most 3 px in the image.
     size
-        Blocks are size x size px.
+        Side of a block, px.
     busy
-        (rows, columns) bool, a value for each block, set where an edge may cross it.
+        (rows, columns) bool, a value for each block: set if an edge may cross it.
 
     """
     rows, columns = busy.shape

@@ -1,10 +1,10 @@
 """
-The renderer of the synthetic scene: one ray for every corner of every pixel.
+The renderer of the synthetic scene: it casts one ray for each corner of each pixel.
 
-Where the corners of a pixel see different cells, the crossings of the boundary with the pixel's
-sides are found by bisection, and each cell's share of the pixel is the exact area of a polygon:
-edges are where they belong to within 1 / 128 px, without supersampling.  Blocks of the image that
-no edge comes near see one cell, so that a few rays serve for all their pixels.
+If the corners of a pixel show different cells, bisection finds where the boundary crosses the
+pixel's sides, and each cell's share of the pixel is the area of a polygon.  Edges are exact to
+1 / 128 px without supersampling.  A block of the image that no edge crosses shows one cell: the
+rays of its four corners suffice.
 """
 from __future__ import annotations
 
@@ -16,14 +16,20 @@ from qflsd_ros.core.compilation import compiled, inlined
 from qflsd_ros.sources.scene.optics import angles_per_pixel, Camera, near_edges, ray
 from qflsd_ros.sources.scene.solids import Surfaces
 
-TEXTURE_SIZE = 256      # texels, a power of two
-BLOCK = 8               # px
-BISECTIONS = 6
+TEXTURE_SIZE = 256      # texels; a power of two, so that indices wrap by a bit mask
+BLOCK = 8               # px; larger blocks would be crossed by edges more often
+BISECTIONS = 6          # halvings of a pixel's side: the error is at most 1 / 128 px
 
 
 @compiled
-def _nearby(boxes, camera, radius, nearby):
-    """Fill in the boxes that may be seen in each block: (rows, columns, B) int64, of -1 before."""
+def _nearby(boxes: np.ndarray, camera: tuple[float, ...], radius: float,
+            nearby: np.ndarray) -> None:
+    """
+    Fill in the numbers of the boxes that each block may show.
+
+    ``nearby`` is (rows, columns, B) int64, filled with -1 before; ``radius`` is the tangent of the
+    angle that half a block's diagonal covers at most.
+    """
     rows, columns, _ = nearby.shape
     for row in range(rows):
         for column in range(columns):
@@ -36,7 +42,7 @@ def _nearby(boxes, camera, radius, nearby):
                          + dz * z) / size
                 square = x * x + y * y + z * z
                 ball = sqrt(box.half_x ** 2 + box.half_y ** 2 + box.half_z ** 2)
-                # A cone about the block's middle and the sphere about the box.
+                # The cone about the block's directions must meet the sphere about the box.
                 across = sqrt(max(square - along * along, 0.0))
                 if square < ball * ball or across - radius * along < ball * sqrt(1 + radius ** 2):
                     nearby[row, column, count] = b
@@ -44,16 +50,17 @@ def _nearby(boxes, camera, radius, nearby):
 
 
 @inlined
-def _slab(eye, slope, half):
-    """Return where a ray enters and leaves a slab."""
+def _slab(eye: float, slope: float, half: float) -> tuple[float, float]:
+    """Return the distances at which a ray enters and leaves the slab |x| <= half."""
     inverse = 1 / slope
     middle, reach = -eye * inverse, half * abs(inverse)
     return middle - reach, middle + reach
 
 
 @inlined
-def _hit(boxes, nearby, camera, x, y):
-    """Return the face met first, seen at x, y px."""
+def _hit(boxes: np.ndarray, nearby: np.ndarray, camera: tuple[float, ...], x: float,
+         y: float) -> int:
+    """Return the number of the face that the image shows at x, y px."""
     dx, dy, dz = ray(camera, x, y)
     row, column = int(y + 0.5) // BLOCK, int(x + 0.5) // BLOCK
     hit, nearest = 0, 1e30
@@ -84,8 +91,9 @@ def _hit(boxes, nearby, camera, x, y):
 
 
 @inlined
-def _meet(boxes, faces, number, camera, x, y):
-    """Return u, v where the plane of a face is seen at x, y px, and how far in front of it."""
+def _meet(boxes: np.ndarray, faces: np.ndarray, number: int, camera: tuple[float, ...], x: float,
+          y: float) -> tuple[float, float, float]:
+    """Return u, v (m) of a face's plane at x, y px, and the distance along the ray."""
     dx, dy, dz = ray(camera, x, y)
     face = faces[number]
     box = boxes[face.box]
@@ -103,8 +111,9 @@ def _meet(boxes, faces, number, camera, x, y):
 
 
 @inlined
-def _topmost(faces, patches, face, u, v):
-    """Return the topmost patch at u, v on a face, and its cell."""
+def _topmost(faces: np.ndarray, patches: np.ndarray, face: int, u: float,
+             v: float) -> tuple[int, int]:
+    """Return the number of the topmost patch at u, v of a face, and of its cell."""
     first, number = faces[face].first, faces[face].last
     while number > first:
         patch = patches[number]
@@ -116,8 +125,8 @@ def _topmost(faces, patches, face, u, v):
 
 
 @inlined
-def _light(boxes, faces, number, u, v):
-    """Return the light that falls on u, v of a face: lamp, surroundings, shade in corners."""
+def _light(boxes: np.ndarray, faces: np.ndarray, number: int, u: float, v: float) -> float:
+    """Return the light that falls on u, v of a face: ambient, from the lamp, less in corners."""
     face = faces[number]
     box = boxes[face.box]
     if face.axis == 0:
@@ -136,8 +145,9 @@ def _light(boxes, faces, number, u, v):
 
 
 @inlined
-def _look(patches, texture, number, u, v, light):
-    """Return the light that comes from u, v on a patch: its own or reflected, with its grain."""
+def _look(patches: np.ndarray, texture: np.ndarray, number: int, u: float, v: float,
+          light: float) -> float:
+    """Return the light that u, v of a patch reflects or emits, modulated by its texture."""
     patch = patches[number]
     s, t = u * patch.grain_u + 37 * number + 4096, v * patch.grain_v + 4096
     i, j = int(s), int(t)
@@ -150,8 +160,10 @@ def _look(patches, texture, number, u, v, light):
 
 
 @compiled
-def _cast_corners(boxes, faces, patches, nearby, camera, texture, busy, cells, lights):
-    """Fill in cell and light of every corner of every pixel in blocks that an edge may cross."""
+def _cast_corners(boxes: np.ndarray, faces: np.ndarray, patches: np.ndarray, nearby: np.ndarray,
+                  camera: tuple[float, ...], texture: np.ndarray, busy: np.ndarray,
+                  cells: np.ndarray, lights: np.ndarray) -> None:
+    """Fill in cell and light of each pixel corner in the blocks that an edge may cross."""
     for row in range(cells.shape[0]):
         for column in range(cells.shape[1]):
             if busy[row // BLOCK, column // BLOCK]:
@@ -164,11 +176,13 @@ def _cast_corners(boxes, faces, patches, nearby, camera, texture, busy, cells, l
 
 
 @compiled
-def _cast_blocks(boxes, faces, patches, nearby, camera, texture, busy, cells, lights, place):
+def _cast_blocks(boxes: np.ndarray, faces: np.ndarray, patches: np.ndarray, nearby: np.ndarray,
+                 camera: tuple[float, ...], texture: np.ndarray, busy: np.ndarray,
+                 cells: np.ndarray, lights: np.ndarray, place: np.ndarray) -> None:
     """
-    Fill in cell and light of every corner of every pixel in blocks that see one cell.
+    Fill in cell and light of each pixel corner in the blocks that show one cell.
 
-    ``place`` is room for (4, 3) float64.
+    ``place`` is scratch memory, (4, 3) float64: u, v and light at the block's corners.
     """
     for row in range(0, cells.shape[0], BLOCK):
         for column in range(0, cells.shape[1], BLOCK):
@@ -185,8 +199,9 @@ def _cast_blocks(boxes, faces, patches, nearby, camera, texture, busy, cells, li
 
 
 @compiled
-def _fill(patches, texture, number, place, lights):
-    """Fill in the light of a block that sees one patch, from u, v and light at its corners."""
+def _fill(patches: np.ndarray, texture: np.ndarray, number: int, place: np.ndarray,
+          lights: np.ndarray) -> None:
+    """Interpolate the light of a block that shows one patch from u, v and light at its corners."""
     for i in range(lights.shape[0]):
         share = i / BLOCK
         u, v = place[0, 0] + share * (place[2, 0] - place[0, 0]), place[0, 1] + share * (
@@ -201,8 +216,9 @@ def _fill(patches, texture, number, place, lights):
 
 
 @compiled
-def _within(boxes, faces, rectangles, camera, cell, x, y):
-    """Tell whether x, y px would see a cell if nothing were in front, and how far away it is."""
+def _within(boxes: np.ndarray, faces: np.ndarray, rectangles: np.ndarray,
+            camera: tuple[float, ...], cell: int, x: float, y: float) -> tuple[bool, float]:
+    """Return whether x, y px would show a cell if nothing hid it, and its plane's distance."""
     rectangle = rectangles[cell]
     u, v, distance = _meet(boxes, faces, rectangle.face, camera, x, y)
     return (rectangle.low_u <= u <= rectangle.high_u and rectangle.low_v <= v <= rectangle.high_v
@@ -210,11 +226,17 @@ def _within(boxes, faces, rectangles, camera, cell, x, y):
 
 
 @compiled
-def _crossing(boxes, faces, rectangles, camera, first, second, x, y, along_x, along_y):
-    """Return the share of the way at which the first cell gives way to the second."""
+def _crossing(boxes: np.ndarray, faces: np.ndarray, rectangles: np.ndarray,
+              camera: tuple[float, ...], first: int, second: int, x: float, y: float,
+              along_x: float, along_y: float) -> float:
+    """
+    Return where the boundary of two cells crosses the way from x, y px, as a share of the way.
+
+    The way leads along (along_x, along_y) from the first cell to the second.
+    """
     on, far = _within(boxes, faces, rectangles, camera, first, x + along_x, y + along_y)
     also, near = _within(boxes, faces, rectangles, camera, second, x, y)
-    # The boundary belongs to the cell that ends there; if both do, to the one in front.
+    # The boundary is the border of the cell that ends there; if both do, of the one in front.
     owner, wanted = (first, True) if not on and (also or far < near) else (second, False)
     rectangle = rectangles[owner]
     low, high = 0.0, 1.0
@@ -232,8 +254,9 @@ def _crossing(boxes, faces, rectangles, camera, first, second, x, y, along_x, al
 
 
 @compiled
-def _cross(boxes, faces, rectangles, camera, cells, top, left):
-    """Fill in where boundaries cross the top and the left sides of the pixels."""
+def _cross(boxes: np.ndarray, faces: np.ndarray, rectangles: np.ndarray, camera: tuple[float, ...],
+           cells: np.ndarray, top: np.ndarray, left: np.ndarray) -> None:
+    """Fill in the shares at which boundaries cross the top and the left side of each pixel."""
     rows, columns = cells.shape
     for row in range(rows):
         for column in range(columns):
@@ -247,12 +270,13 @@ def _cross(boxes, faces, rectangles, camera, cells, top, left):
 
 
 @inlined
-def _shares(a, b, c, d, top, bottom, left, right):
+def _shares(a: int, b: int, c: int, d: int, top: float, bottom: float, left: float,
+            right: float) -> tuple[float, float, float, float]:
     """
-    Return the shares of a pixel that its corners a b / c d own.
+    Return the shares of a pixel that belong to its corners, with the cells a b above c d.
 
     A corner owns the quadrilateral of itself, the crossings on its two sides, and the mean of all
-    crossings: exact for a straight boundary, and a fair guess where three cells meet.
+    crossings.  This is exact for a straight boundary, and an approximation where three cells meet.
     """
     count, x, y = 0, 0.0, 0.0
     if a != b:
@@ -270,8 +294,9 @@ def _shares(a, b, c, d, top, bottom, left, right):
 
 
 @compiled
-def _mix(colours, cells, lights, top, left, noise, image):
-    """Fill in the pixels from their corners, add noise and round."""
+def _mix(colours: np.ndarray, cells: np.ndarray, lights: np.ndarray, top: np.ndarray,
+         left: np.ndarray, noise: np.ndarray, image: np.ndarray) -> None:
+    """Compute the pixels from their corners, add noise and round."""
     height, width, channels = image.shape
     for row in range(height):
         for column in range(width):
@@ -293,20 +318,20 @@ def _mix(colours, cells, lights, top, left, noise, image):
 def render(surfaces: Surfaces, lines: np.ndarray, camera: Camera,
            colours: np.ndarray, texture: np.ndarray, noise: np.ndarray) -> np.ndarray:
     """
-    Render what a camera sees of a scene.
+    Render the image that a camera takes of a scene.
 
     Parameters
     ----------
     surfaces
-        The scene, its ``boxes`` seen from the camera's position.
+        The scene; the columns ``eye_x`` to ``eye_z`` of its boxes hold the camera's position.
     lines
-        (N, 2, 3) m, starts and ends of all edges that may be seen.
+        (N, 2, 3) m, starts and ends of all edges that may be visible.
     camera
-        The lens and where it is.
+        The camera: its lens, position and axes.
     colours
         (N, C) float64 grey levels, the colours of the cells in C channels.
     texture
-        (TEXTURE_SIZE, TEXTURE_SIZE) float32, repeats in both directions.
+        (TEXTURE_SIZE, TEXTURE_SIZE) float32, periodic in both directions.
     noise
         (height, width, C) float32 grey levels, added to the image.
 
@@ -318,12 +343,13 @@ def render(surfaces: Surfaces, lines: np.ndarray, camera: Camera,
     """
     height, width = camera.lens.shape
     boxes, faces, patches, rectangles, _ = surfaces
-    numbers, eye = camera.numbers(), tuple(map(float, camera.position))
+    x, y, z = map(float, camera.position)
+    numbers = camera.numbers()
     blocks = height // BLOCK + 1, width // BLOCK + 1
     least, most = angles_per_pixel(camera.lens)
     nearby, busy = np.full((*blocks, len(boxes)), -1), np.zeros(blocks, np.bool_)
     _nearby(boxes, numbers, BLOCK * most, nearby)
-    near_edges(numbers, eye, lines, least * 3, BLOCK, busy)
+    near_edges(numbers, (x, y, z), lines, least * 3, BLOCK, busy)
     cells = np.empty((height + 1, width + 1), np.int32)
     lights, top, left = np.full((3, height + 1, width + 1), 0.5, np.float32)
     scene = boxes, faces, patches, nearby, numbers, texture, busy

@@ -1,24 +1,32 @@
-"""The room of the synthetic scene: its furniture, its lamp, and the path of the camera in it."""
+"""
+The room of the synthetic scene: its furniture, its lamp, and the path of the camera.
+
+All sizes, colours and paths are invented.  They resemble a furnished room whose edges differ in
+length, contrast, distance and direction, and the camera keeps clear of the furniture.
+"""
 from __future__ import annotations
 
 import numpy as np
 
 from qflsd_ros.sources.scene.solids import Box, Patch
 
-SIZE = (6.4, 5.2, 2.8)
-LAMP = (3.3, 2.5, 2.45)
+SIZE = (6.4, 5.2, 2.8)          # m, the room along x, y, z
+LAMP = (3.3, 2.5, 2.45)         # m, position of the lamp
+# Textures: texels/m along u and v, contrast.
 WOOD = (30.0, 4.0, 0.10)
 PLAIN = (40.0, 40.0, 0.02)
 
+# Grey levels, blue, green, red.
 WHITE, CREAM, WALNUT, OAK = (226, 232, 236), (186, 206, 214), (52, 70, 98), (96, 138, 176)
 TEAL, RUST, SAND, SLATE = (128, 120, 60), (58, 84, 168), (150, 184, 204), (92, 84, 78)
 
 
 def furnish(seed: int) -> list[Box]:
     """
-    Return the room and what stands in it.
+    Return the boxes of the scene: the room, then its furniture.
 
-    The seed chooses the shades of floor boards and books; the geometry is always the same.
+    The seed determines the shades of floor boards and books, and the sizes of the rows of books;
+    all other geometry is always the same.
     """
     random = np.random.default_rng(seed)
     return [_room(random), *_table(), *_cartons(), _bookcase(random), _wardrobe(), _bench(),
@@ -27,12 +35,12 @@ def furnish(seed: int) -> list[Box]:
 
 def viewpoint(turn: float) -> tuple[np.ndarray, np.ndarray]:
     """
-    Return where the camera is on its closed path and how it looks.
+    Return position and axes of the camera on its closed path.
 
     Parameters
     ----------
     turn
-        Position on the path: 0 at its start, 1 when it is closed.
+        Position on the path: 0 at its start, 1 back at its start.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""The synthetic scene: a furnished room seen by a moving camera, with its exact arcs."""
+"""The synthetic scene: images of a furnished room from a moving camera, with their exact arcs."""
 from __future__ import annotations
 
 from collections.abc import Iterator
@@ -17,16 +17,17 @@ from qflsd_ros.sources.scene.raycast import render, TEXTURE_SIZE
 from qflsd_ros.sources.scene.solids import edges, front_faces, surfaces
 from qflsd_ros.sources.scene.truth import visible_arcs
 
-FRAMES_PER_TURN = 1200      # after which the camera is where it started
+FRAMES_PER_TURN = 1200      # frames of the closed path: 40 s at 30 Hz, a walk around the room
+# Weights of blue, green, red in grey levels (ITU-R BT.601), as OpenCV converts colours.
 LUMA = np.array([[0.114], [0.587], [0.299]])
 
 
 class Scene:
     """
-    A camera that moves through a room: a picture for every frame number, always the same bits.
+    A camera that moves through a room; each frame number gives an image, bit for bit the same.
 
-    Edges lie where the truth says to within 0.02 px, with (0, 0) at the centre of the top-left
-    pixel.
+    The edges of the image agree with the exact arcs within 0.02 px; (0, 0) is the centre of the
+    top-left pixel.
 
     Parameters
     ----------
@@ -37,14 +38,14 @@ class Scene:
     noise
         Standard deviation of the image noise in grey levels.
     seed
-        Start of the noise, the texture, and the shades of floor boards and books.
+        Seed of the noise, the texture, and the shades of floor boards and books.
     colour
-        Whether images are (H, W, 3), blue, green, red, instead of (H, W).
+        Whether images are (H, W, 3), blue, green, red, instead of grey (H, W).
 
     Raises
     ------
     ValueError
-        Lambda is outside -1 to 0.5, where the lens does not show all of the image.
+        Lambda is outside -1 to 0.5, the range in which every pixel has a viewing direction.
 
     """
 
@@ -56,13 +57,14 @@ class Scene:
         self.seed, self.colour = seed, colour
         self._boxes = room.furnish(seed)
         self._edges = edges(self._boxes)
-        # An edge of a patch has one face: it stands for both.
+        # An edge of a patch has only one face, which fills both columns.
         self._edge_faces = np.array([(6 * edge.box + edge.faces[0], 6 * edge.box + edge.faces[-1])
                                      for edge in self._edges])
         self._edge_ends = np.array([(edge.start, edge.end) for edge in self._edges])
         self._surfaces = surfaces(self._boxes, room.LAMP)
         self._texture = _texture(seed)
-        # Each frame has its own stretch of it: fresh noise would cost as much as half the frame.
+        # Each frame takes a random section of this noise: new noise for each frame would take half
+        # as long as rendering.
         pool = 2 * height * width * (3 if colour else 1) + 65536
         self._noise = np.float32(noise) * np.random.default_rng((seed, 2)).standard_normal(
             pool, np.float32)
@@ -72,7 +74,7 @@ class Scene:
         return self.image(number), self.truth(number)
 
     def image(self, number: int) -> np.ndarray:
-        """Return a frame's image, (H, W) uint8 or, in colour, (H, W, 3)."""
+        """Return a frame's image: (H, W) uint8, or (H, W, 3) blue, green, red in colour."""
         shape = *self.lens.shape, 3 if self.colour else 1
         size = math.prod(shape)
         first = np.random.default_rng((self.seed, number)).integers(len(self._noise) - size + 1)
@@ -81,9 +83,9 @@ class Scene:
 
     def truth(self, number: int) -> Arcs:
         """
-        Return the exact arc of every visible piece of an edge, at least 1 px long.
+        Return the exact arcs of all visible pieces of edges that are at least 1 px long.
 
-        Those of little ``contrast`` in their table lie between surfaces of nearly the same shade.
+        An arc with a low ``contrast`` in its table separates surfaces of nearly the same shade.
         """
         clean = self._render(number, np.zeros((*self.lens.shape, 1), np.float32))
         return visible_arcs(self._edges, self._boxes, self._camera(number), clean[..., 0])
@@ -104,7 +106,7 @@ class Scene:
 
 
 class SceneFrames(Source):
-    """The scene as a source that never ends."""
+    """The scene as an endless source."""
 
     on_demand = True
 
@@ -113,7 +115,7 @@ class SceneFrames(Source):
         self._scene = scene
 
     def warm_up(self) -> None:
-        """Compile the kernels, or load them from disk."""
+        """Compile the kernels of the renderer, or load them from the cache."""
         self._scene.image(0)
 
     def _frames(self) -> Iterator[Frame]:
@@ -123,7 +125,11 @@ class SceneFrames(Source):
 
 
 def _texture(seed: int) -> np.ndarray:
-    """Return a cloudy pattern of mean 0 and standard deviation 1 that repeats in both ways."""
+    """
+    Return a cloudy texture: periodic in both directions, mean 0, standard deviation 1.
+
+    It is white noise filtered by 1 / (4 + f) at the frequency f in periods per texture.
+    """
     random = np.random.default_rng((seed, 1))
     spectrum = np.fft.fft2(random.standard_normal((TEXTURE_SIZE, TEXTURE_SIZE)))
     frequency = np.fft.fftfreq(TEXTURE_SIZE, 1 / TEXTURE_SIZE)

@@ -1,8 +1,8 @@
 """
-Boxes with patterned faces: what the synthetic scene is made of.
+The geometry of the synthetic scene: boxes with patterned faces.
 
-Lengths are metres; the world is x east, y north, z up.  The first box of a scene is the room and
-is seen from inside, the others stand in it and are seen from outside.
+Lengths are in metres; in the world, x points east, y north, and z up.  The first box of a scene is
+the room, seen from inside; all other boxes are within it and seen from outside.
 """
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ PLANES = ((1, 2), (0, 2), (0, 1))
 
 @dataclass(frozen=True)
 class Patch:
-    """A rectangle on a face, divided into a grid of cells that have a colour each."""
+    """A rectangle on a face, divided into a grid of cells with one colour each."""
 
     start: tuple[float, float]              # u, v of its lowest corner, m
     size: tuple[float, float]               # along u and v, m
     colours: np.ndarray                     # (nu, nv, 3) grey levels, blue, green, red
-    glow: float = 0.0                       # 0: lit by the lamp, 1: shines by itself
+    glow: float = 0.0                       # 0: reflects light only, 1: emits light only
     grain: tuple[float, float, float] = (40.0, 40.0, 0.03)     # texels/m in u, in v; contrast
 
 
 @dataclass(frozen=True)
 class Box:
-    """A cuboid that is turned about the vertical; ``patches`` lie on its faces, by name."""
+    """A cuboid, rotated about the vertical; ``patches`` are those of its faces, by FACES."""
 
     centre: tuple[float, float, float]      # m
     size: tuple[float, float, float]        # m
@@ -44,7 +44,7 @@ class Box:
         return np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1.0]])
 
     def local(self, points: np.ndarray) -> np.ndarray:
-        """Map points of the world to the box's axes, with the origin at its centre; (..., 3) m."""
+        """Map points of the world, (..., 3) m, to the box's axes with the origin at its centre."""
         return (points - self.centre) @ self.rotation()
 
     def outward(self, face: int) -> np.ndarray:
@@ -52,7 +52,7 @@ class Box:
         return self.rotation()[:, face // 2] * (1 if face % 2 else -1)
 
 
-# The same boxes as tables, for the renderer; scalar fields alone, which are the fastest in numba.
+# The boxes as tables for the renderer; they have scalar fields only, the fastest ones in numba.
 BOX = np.dtype([(name, np.float64) for name in (
     'half_x', 'half_y', 'half_z', 'cos', 'sin',     # half the size in m, yaw
     'eye_x', 'eye_y', 'eye_z',                      # the camera in the box's axes, m
@@ -61,9 +61,9 @@ FACE = np.dtype([
     ('size_u', np.float64), ('size_v', np.float64),     # m
     ('box', np.int64), ('axis', np.int64),              # the normal's
     ('level', np.float64),                              # where the face lies on that axis, m
-    ('facing', np.float64),                             # -1 or 1, of the side that is seen
-    ('ambient', np.float64),                            # light that comes from everywhere
-    ('first', np.int64), ('last', np.int64)])           # its patches: the bare face, the topmost
+    ('facing', np.float64),                             # -1 or 1, the visible side's direction
+    ('ambient', np.float64),                            # light from all directions
+    ('first', np.int64), ('last', np.int64)])           # its patches, from bare face to topmost
 PATCH = np.dtype([
     ('u', np.float64), ('v', np.float64),               # lowest corner, m
     ('per_u', np.float64), ('per_v', np.float64),       # cells/m
@@ -85,7 +85,7 @@ class Surfaces(NamedTuple):
 
 
 class Edge(NamedTuple):
-    """A straight edge in the world, owned by a box; it shows where one of its faces does."""
+    """A straight edge of a box; it is visible if one of its faces is turned to the camera."""
 
     start: np.ndarray       # (3,) m
     end: np.ndarray         # (3,) m
@@ -94,7 +94,7 @@ class Edge(NamedTuple):
 
 
 def surfaces(boxes: Sequence[Box], lamp: tuple[float, float, float]) -> Surfaces:
-    """Lay the boxes, their faces and patches out in tables."""
+    """Return the boxes, their faces, patches and cells as tables."""
     table, faces = np.zeros(len(boxes), BOX), np.zeros(6 * len(boxes), FACE)
     patches: list[Patch] = []
     cells: list[tuple[float, ...]] = []
@@ -112,7 +112,7 @@ def surfaces(boxes: Sequence[Box], lamp: tuple[float, float, float]) -> Surfaces
 
 
 def _face(box: Box, face: int, number: int) -> tuple[float, ...]:
-    """Return the columns of FACE up to ambient."""
+    """Return the columns of FACE up to ``ambient``."""
     axis, side = divmod(face, 2)
     u, v = PLANES[axis]
     facing = (1 if side else -1) * (1 if number else -1)
@@ -139,14 +139,14 @@ def _cells(patch: Patch) -> list[tuple[float, float, float, float]]:
 
 
 def face_patches(box: Box, face: int) -> list[Patch]:
-    """Return the patches of a face from the lowest to the topmost: first the bare face itself."""
+    """Return the patches of a face from bottom to top; the first one is the bare face itself."""
     u, v = PLANES[face // 2]
     bare = Patch((0.0, 0.0), (box.size[u], box.size[v]), np.array(box.colour).reshape(1, 1, 3))
     return [bare, *box.patches.get(FACES[face], [])]
 
 
 def front_faces(boxes: Sequence[Box], position: np.ndarray) -> np.ndarray:
-    """Tell which faces turn towards a position in the room: (B, 6) bool."""
+    """Return whether each face is turned to a position in the room: (B, 6) bool."""
     local = np.stack([box.local(position) for box in boxes])
     half = np.array([box.size for box in boxes]) / 2
     front = np.stack([local < -half, local > half], axis=-1).reshape(-1, 6)
@@ -174,7 +174,7 @@ def edges(boxes: Sequence[Box]) -> list[Edge]:
 
 def _box_lines(box: Box) -> list[tuple[np.ndarray, np.ndarray, tuple[int, ...]]]:
     """Return the twelve edges of a box from its lowest corner, each with its two faces."""
-    lines = []
+    lines: list[tuple[np.ndarray, np.ndarray, tuple[int, ...]]] = []
     for axis in range(3):
         b, c = (axis + 1) % 3, (axis + 2) % 3
         for side_b, side_c in ((0, 0), (0, 1), (1, 0), (1, 1)):
@@ -201,7 +201,7 @@ def _patch_lines(box: Box, face: int, patch: Patch) -> list[tuple[np.ndarray, np
 
 
 def _covers(edge: Edge, start: np.ndarray, end: np.ndarray) -> bool:
-    """Tell whether the line from start to end lies within an edge."""
+    """Return whether the line from start to end lies within an edge."""
     along = edge.end - edge.start
     length = float(np.linalg.norm(along))
     for point in (start, end):

@@ -1,4 +1,4 @@
-"""The exact arcs of the synthetic scene: its edges, cut to what is seen of them."""
+"""The exact arcs of the synthetic scene: the images of the visible pieces of its edges."""
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -9,29 +9,29 @@ from qflsd_ros.core.arcs import Arcs, TABLE
 from qflsd_ros.sources.scene.optics import Camera, FOCAL
 from qflsd_ros.sources.scene.solids import Box, Edge, front_faces
 
-SHORTEST = 1.0      # px
-BESIDE = 1.5        # px, distance from an edge at which its contrast is measured
-SPACING = 2.0       # px, from one such measurement to the next
+SHORTEST = 1.0      # px, length of the shortest arc: less than any detector reports
+BESIDE = 1.5        # px from an edge at which its contrast is measured, beyond its own pixels
+SPACING = 2.0       # px between such measurements along an edge
 
 
 def visible_arcs(edges: Sequence[Edge], boxes: Sequence[Box], camera: Camera,
                  image: np.ndarray) -> Arcs:
     """
-    Return the arc that every visible piece of an edge makes in the image.
+    Return the arcs that are the images of all visible pieces of edges.
 
     Parameters
     ----------
     edges, boxes
         The scene; the first box is the room.
     camera
-        The lens and where it is.
+        The camera: its lens, position and axes.
     image
-        (H, W) uint8, the frame without noise, from which contrast and polarity are taken.
+        (H, W) uint8, the frame without noise, in which contrast and polarity are measured.
 
     Returns
     -------
     arcs
-        What only a measurement has is 0 in their table, and there are no pixels behind them.
+        Columns that only a detection has (as ``rms``) are 0, and the arcs have no edge points.
 
     """
     front = front_faces(boxes, camera.position)
@@ -51,7 +51,7 @@ def visible_arcs(edges: Sequence[Edge], boxes: Sequence[Box], camera: Camera,
 
 
 def _pieces(edge: Edge, boxes: Sequence[Box], camera: Camera) -> list[tuple[float, float]]:
-    """Return the visible pieces of an edge as shares of its length, first to last."""
+    """Return the visible pieces of an edge, each from one share of its length to another."""
     hidden = [interval for number, box in enumerate(boxes[1:], 1) if number != edge.box
               for interval in _hidden(edge, box, camera.position)]
     cuts = [0.0, 1.0, *_border_crossings(edge, camera), *(cut for pair in hidden for cut in pair)]
@@ -71,11 +71,11 @@ def _pieces(edge: Edge, boxes: Sequence[Box], camera: Camera) -> list[tuple[floa
 
 def _hidden(edge: Edge, box: Box, eye: np.ndarray) -> list[tuple[float, float]]:
     """
-    Return which share of an edge a box hides: no interval or one.
+    Return the interval of an edge's length that a box hides; an empty list if it hides nothing.
 
-    The triangle of eye and edge, (0, 0), (1, 0), (1, 1) in the coordinates s, w of the point
-    ``eye + s (start - eye) + w (end - start)``, is cut to the box; s, w lies on the way to the
-    edge's point w / s.
+    In the coordinates s, w of the point ``eye + s (start - eye) + w (end - start)``, the triangle
+    of eye and edge is (0, 0), (1, 0), (1, 1).  It is clipped to the box; the point s, w hides the
+    share w / s of the edge.
     """
     origin = box.local(eye)
     towards = (edge.start - eye) @ box.rotation()
@@ -83,7 +83,7 @@ def _hidden(edge: Edge, box: Box, eye: np.ndarray) -> list[tuple[float, float]]:
     polygon = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0)]
     for axis in range(3):
         for sign in (1, -1):
-            # What touches the box is not hidden by it.
+            # The margin leaves edges visible that touch the box.
             reach = box.size[axis] / 2 - 1e-7 - sign * origin[axis]
             polygon = _clip(polygon, sign * towards[axis], sign * along[axis], reach)
     shares = [w / s for s, w in polygon if s > 0]
@@ -92,7 +92,7 @@ def _hidden(edge: Edge, box: Box, eye: np.ndarray) -> list[tuple[float, float]]:
 
 def _clip(polygon: list[tuple[float, float]], a: float, b: float,
           c: float) -> list[tuple[float, float]]:
-    """Cut a convex polygon to the half plane a x + b y <= c."""
+    """Clip a convex polygon to the half plane a x + b y <= c (Sutherland and Hodgman)."""
     kept = []
     for (x, y), (u, v) in zip(polygon, polygon[1:] + polygon[:1]):
         here, there = a * x + b * y - c, a * u + b * v - c
@@ -106,9 +106,9 @@ def _clip(polygon: list[tuple[float, float]], a: float, b: float,
 
 def _circle(edge: Edge, camera: Camera) -> tuple[float, float, float, float]:
     """
-    Return A, B, C, D of the circle A (x^2 + y^2) + B x + C y + D = 0 that an edge is seen on.
+    Return A, B, C, D of the circle A (x^2 + y^2) + B x + C y + D = 0 that is an edge's image.
 
-    The origin is the lens's, the unit half the image's diagonal.
+    The origin is the distortion centre, the unit half the image's diagonal.
     """
     start = camera.axes @ (edge.start - camera.position)
     b, c, n = np.cross(start, camera.axes @ (edge.end - edge.start))
@@ -116,7 +116,7 @@ def _circle(edge: Edge, camera: Camera) -> tuple[float, float, float, float]:
 
 
 def _border_crossings(edge: Edge, camera: Camera) -> list[float]:
-    """Return the shares of an edge's length at which its circle crosses the image's borders."""
+    """Return the shares of an edge's length at which its image crosses the image's borders."""
     a, b, c, d = _circle(edge, camera)
     height, width = camera.lens.shape
     corners = (np.array([[-0.5, -0.5], [width - 0.5, height - 0.5]]) - camera.lens.origin
@@ -135,7 +135,7 @@ def _border_crossings(edge: Edge, camera: Camera) -> list[float]:
 
 
 def _roots(a: float, b: float, c: float) -> list[float]:
-    """Return the real roots of a x^2 + b x + c, by the formula that loses no digits."""
+    """Return the real roots of a x^2 + b x + c, by the formula without cancellation."""
     square = b * b - 4 * a * c
     if square < 0:
         return []
@@ -144,7 +144,7 @@ def _roots(a: float, b: float, c: float) -> list[float]:
 
 
 def _arc(edge: Edge, camera: Camera, low: float, high: float) -> np.ndarray:
-    """Return a row of the table for the piece of an edge between two shares of its length."""
+    """Return the row of the table for the piece of an edge between two shares of its length."""
     shares = np.array([low, low + 0.01 * (high - low), high])
     start, soon, end = camera.project(edge.start + shares[:, None] * (edge.end - edge.start))
     a, b, c, d = _circle(edge, camera)
@@ -164,7 +164,7 @@ def _arc(edge: Edge, camera: Camera, low: float, high: float) -> np.ndarray:
 
 
 def _step(image: np.ndarray, line: np.ndarray) -> tuple[float, float]:
-    """Return contrast and polarity of a polyline, the latter < 0 if its left side is brighter."""
+    """Return contrast and polarity of a polyline; polarity < 0 if its left side is brighter."""
     way = np.concatenate([[0], np.hypot(*np.diff(line, axis=0).T).cumsum()])
     places = np.linspace(0, way[-1], 2 + int(way[-1] / SPACING))
     points = np.stack([np.interp(places, way, axis) for axis in line.T], axis=1)

@@ -9,12 +9,12 @@ import pytest
 from qflsd_ros.core import Arcs, DivisionModel
 from qflsd_ros.core.arcs import TABLE
 from qflsd_ros.core.geometry.planes import planes
-from qflsd_ros.core.lens.camera_model import Lens
+from qflsd_ros.core.lens.camera_model import CameraModel
 from rendering import polygon, render, through_lens
 
 MATRIX = np.array([[400.0, 0, 320], [0, 400, 240], [0, 0, 1]])
-STRAIGHT = Lens('plumb_bob', MATRIX, np.zeros(5))
-FISHEYE = Lens('equidistant', MATRIX, np.zeros(4))
+STRAIGHT = CameraModel('plumb_bob', MATRIX, np.zeros(5))
+FISHEYE = CameraModel('equidistant', MATRIX, np.zeros(4))
 
 
 def through(points: np.ndarray) -> Arcs:
@@ -108,7 +108,7 @@ def test_covariance_is_that_of_repeated_noise(lens, bow):
 
 
 def test_arcs_that_the_lens_cannot_show_have_no_plane():
-    lens = Lens('plumb_bob', MATRIX, np.array([-0.8]))
+    lens = CameraModel('plumb_bob', MATRIX, np.array([-0.8]))
     inside = [[320.0, 230], [330, 230], [340, 230]]
     outside = [[900.0, 900], [910, 900], [920, 900]]
     found = planes(through(np.array([outside, inside])), lens)

@@ -4,7 +4,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
-from qflsd_ros.core.lens.camera_model import Lens
+from qflsd_ros.core.lens.camera_model import CameraModel
 
 MATRIX = np.array([[400.0, 0, 320], [0, 410, 235], [0, 0, 1]])
 PINHOLES = [
@@ -27,8 +27,8 @@ def test_pinholes_undo_what_opencv_does(model, coefficients):
     wanted = directions(0.6)
     pixels, _ = cv2.projectPoints(wanted, np.zeros(3), np.zeros(3), MATRIX,
                                   np.array(coefficients, float))
-    lens = Lens(model, MATRIX, np.array(coefficients, float))
-    assert np.abs(lens.rays(pixels.reshape(-1, 2)) - wanted).max() < 1e-8
+    camera = CameraModel(model, MATRIX, np.array(coefficients, float))
+    assert np.abs(camera.rays(pixels.reshape(-1, 2)) - wanted).max() < 1e-8
 
 
 @pytest.mark.parametrize('widest', [0.9, np.pi / 2, 1.9])
@@ -39,11 +39,11 @@ def test_equidistant_reaches_behind_the_camera(widest):
     radius = angle * (1 + sum(k[i] * angle ** (2 * i + 2) for i in range(4)))
     side = wanted[:, :2] / np.maximum(np.hypot(*wanted[:, :2].T), 1e-300)[:, None]
     pixels = (radius[:, None] * side) * np.diag(MATRIX)[:2] + MATRIX[:2, 2]
-    assert np.abs(Lens('equidistant', MATRIX, k).rays(pixels) - wanted).max() < 1e-8
+    assert np.abs(CameraModel('equidistant', MATRIX, k).rays(pixels) - wanted).max() < 1e-8
 
 
 def test_rays_keep_the_shape_and_have_length_1():
-    rays = Lens('plumb_bob', MATRIX, np.zeros(5)).rays(np.zeros((3, 4, 2)))
+    rays = CameraModel('plumb_bob', MATRIX, np.zeros(5)).rays(np.zeros((3, 4, 2)))
     assert rays.shape == (3, 4, 3)
     assert np.allclose(np.linalg.norm(rays, axis=-1), 1)
 
@@ -51,8 +51,8 @@ def test_rays_keep_the_shape_and_have_length_1():
 @pytest.mark.parametrize(('model', 'coefficients'), [
     ('plumb_bob', [-0.8]), ('rational_polynomial', [-0.8]), ('equidistant', [-0.4])])
 def test_what_no_direction_is_mapped_to_is_nan(model, coefficients):
-    lens = Lens(model, MATRIX, np.array(coefficients))
-    inner, outer = lens.rays(np.array([[330.0, 240.0], [900.0, 900.0]]))
+    camera = CameraModel(model, MATRIX, np.array(coefficients))
+    inner, outer = camera.rays(np.array([[330.0, 240.0], [900.0, 900.0]]))
     assert np.isfinite(inner).all() and np.isnan(outer).all()
 
 
@@ -64,4 +64,4 @@ def test_what_no_direction_is_mapped_to_is_nan(model, coefficients):
     ('plumb_bob', MATRIX, [np.nan], 'not calibrated')])
 def test_what_cannot_be_used_is_named(model, matrix, coefficients, text):
     with pytest.raises(ValueError, match=text):
-        Lens(model, matrix, np.array(coefficients))
+        CameraModel(model, matrix, np.array(coefficients))

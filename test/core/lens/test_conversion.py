@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 from qflsd_ros.core import DivisionModel
-from qflsd_ros.core.lens.camera_model import Lens
-from qflsd_ros.core.lens.conversion import Calibration, calibration, natural_focal_length
+from qflsd_ros.core.lens.camera_model import CameraModel
+from qflsd_ros.core.lens.conversion import camera_info_terms, CameraInfoTerms, natural_focal_length
 
 SHAPE = (480, 640)
 lambdas = st.floats(-3, 0.24)
@@ -28,11 +28,11 @@ def grid() -> np.ndarray:
 @given(lambdas, shifts)
 def test_it_is_the_same_lens_all_over_the_image(lam, shift):
     lens = lens_of(lam, shift)
-    found = calibration(lens)
+    found = camera_info_terms(lens)
     assert found.residual < 0.05
     assert len(found.coefficients) == {'rational_polynomial': 8,
                                        'equidistant': 4}[found.distortion_model]
-    rays = Lens(found.distortion_model, found.matrix, found.coefficients).rays(grid())
+    rays = CameraModel(found.distortion_model, found.matrix, found.coefficients).rays(grid())
     offset = (grid() - lens.origin) / lens.half_diagonal
     depth = found.matrix[0, 0] / lens.half_diagonal * (1 + lam * (offset ** 2).sum(1))
     wanted = np.concatenate([offset, depth[:, None]], 1)
@@ -44,7 +44,7 @@ def test_it_is_the_same_lens_all_over_the_image(lam, shift):
 @given(lambdas, shifts)
 def test_what_opencv_rectifies_by_it_is_what_the_division_model_undistorts(lam, shift):
     lens = lens_of(lam, shift)
-    found = calibration(lens)
+    found = camera_info_terms(lens)
     rectify = (cv2.fisheye.initUndistortRectifyMap if found.distortion_model == 'equidistant'
                else cv2.initUndistortRectifyMap)
     maps = rectify(found.matrix, found.coefficients, np.eye(3), found.matrix, (640, 480),
@@ -59,14 +59,14 @@ def test_what_opencv_rectifies_by_it_is_what_the_division_model_undistorts(lam, 
     (0.3, 'rational_polynomial'), (0.0, 'rational_polynomial'), (-0.4, 'rational_polynomial'),
     (-1.5, 'equidistant'), (-3.0, 'equidistant')])
 def test_which_model(lam, model):
-    assert calibration(DivisionModel(lam, SHAPE)).distortion_model == model
+    assert camera_info_terms(DivisionModel(lam, SHAPE)).distortion_model == model
 
 
 @pytest.mark.parametrize('focal_length', [80.0, 150.0, 250.0, 400.0, 700.0, 1500.0])
 @pytest.mark.parametrize('lam', [-5.0, -2.0, -0.9, -0.6, -0.3, 0.0, 0.3])
 def test_the_focal_length_does_not_change_what_is_straightened(lam, focal_length):
     lens = DivisionModel(lam, SHAPE, (330.0, 230.0))
-    found = calibration(lens, focal_length)
+    found = camera_info_terms(lens, focal_length)
     assert found.matrix.tolist() == [[focal_length, 0, 330], [0, focal_length, 230], [0, 0, 1]]
     rectify = (cv2.fisheye.initUndistortRectifyMap if found.distortion_model == 'equidistant'
                else cv2.initUndistortRectifyMap)
@@ -78,7 +78,7 @@ def test_the_focal_length_does_not_change_what_is_straightened(lam, focal_length
     assert np.abs(np.stack(maps, -1) - wanted)[shown].max() < found.residual + 0.01 < 0.21
 
 
-def projected(found: Calibration, x: np.ndarray, z: np.ndarray) -> np.ndarray:
+def projected(found: CameraInfoTerms, x: np.ndarray, z: np.ndarray) -> np.ndarray:
     """Return how far from the centre it shows directions (x, 0, z), px."""
     if found.distortion_model == 'equidistant':
         angle = np.arctan2(x, z)
@@ -94,7 +94,7 @@ def projected(found: Calibration, x: np.ndarray, z: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize('focal_length', [0.0, 80.0, 250.0, 700.0])
 def test_it_is_the_same_lens_up_to_the_stated_radius(lam, focal_length):
     lens = lens_of(lam, (20.0, -10.0))
-    found = calibration(lens, focal_length)
+    found = camera_info_terms(lens, focal_length)
     radii = np.linspace(0, found.radius, 1000)[1:]
     r = radii / lens.half_diagonal
     shown = projected(found, r, found.matrix[0, 0] / lens.half_diagonal * (1 + lam * r ** 2))
@@ -111,7 +111,7 @@ def test_it_is_the_same_lens_up_to_the_stated_radius(lam, focal_length):
     (-5.0, 0.0, 'equidistant', True)])
 def test_a_fisheye_is_described_in_full_where_its_focal_length_lets_it(lam, focal_length, model,
                                                                        whole):
-    found = calibration(DivisionModel(lam, SHAPE), focal_length)
+    found = camera_info_terms(DivisionModel(lam, SHAPE), focal_length)
     assert found.distortion_model == model
     assert (found.radius > 399) == whole
 

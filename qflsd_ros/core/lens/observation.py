@@ -1,0 +1,72 @@
+"""
+Observations of a lens: the curvature of each arc, and where it was measured.
+
+Unit of length: half the image's diagonal; origin: the image centre.
+"""
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from qflsd_ros.core.arcs import Arcs
+from qflsd_ros.core.circle import fit, FIT_SIZE, NO_LENS
+from qflsd_ros.core.compilation import compiled
+from qflsd_ros.core.lens.division import DivisionModel
+
+# Edge points that are ignored at each end, where the blur of the gradient rounds corners; and
+# points that must remain, more than twice the three unknowns of a circle.
+CORNER, LEAST_POINTS = 3, 8
+# Sagitta by which real edges are bent, px: the accuracy of edge points on photographs.
+STRAY = 0.1
+# An arc is informative if it alone determines lambda to this standard deviation, the order of
+# lambda itself.
+INFORMATIVE = 1.0
+# A circle whose centre is closer than this to the image centre is taken for the rim of a fisheye's
+# image circle, which is centred to a few percent of the diagonal.
+RIM = 0.05
+# Columns of an observation: curvature, its variance by noise alone and with STRAY, the unit normal
+# (2 columns), and the point (2 columns).
+CURVATURE, NOISE, VARIANCE, NORMAL, POINT, COLUMNS = 0, 1, 2, 3, 5, 7
+
+
+def observe(arcs: Arcs, shape: tuple[int, int]) -> np.ndarray:
+    """
+    Return the observation of each arc: (M, COLUMNS) float64, nan for arcs with too few points.
+
+    The curvature is fitted anew, since the one in the table is 0 where it is not significant and
+    includes the ends, where the gradient's blur rounds corners.
+    """
+    seen = np.full((len(arcs), COLUMNS), np.nan)
+    _observe(np.ascontiguousarray(arcs.edge_points.T), arcs.offsets, arcs.table['length'],
+             DivisionModel(0.0, shape).origin, float(np.hypot(*shape)) / 2,
+             np.empty((1, FIT_SIZE)), seen)
+    return seen
+
+
+@compiled
+def _observe(points: np.ndarray, offsets: np.ndarray, lengths: np.ndarray, origin: np.ndarray,
+             unit: float, fits: np.ndarray, seen: np.ndarray) -> None:
+    """Fill in the observations; the arguments are those of :func:`observe` as arrays."""
+    for i in range(len(seen)):
+        first, last = offsets[i] + CORNER, offsets[i + 1] - 1 - CORNER
+        if last - first + 1 < LEAST_POINTS or not fit(points, first, last, 0.0, 0.0, np.inf,
+                                                      NO_LENS, fits, 0):
+            continue
+        x, y, A, B, C, D = fits[0, 0], fits[0, 1], fits[0, 2], fits[0, 3], fits[0, 4], fits[0, 5]
+        size = math.sqrt(B * B + C * C)
+        off = 2 * D / (1 + size)
+        seen[i, CURVATURE] = 2 * A * unit
+        seen[i, NOISE] = 4 * fits[0, 8] * unit ** 2
+        seen[i, VARIANCE] = seen[i, NOISE] + (8 * STRAY * unit / lengths[i] ** 2) ** 2
+        seen[i, NORMAL], seen[i, NORMAL + 1] = B / size, C / size
+        seen[i, POINT] = (x - off * B / size - origin[0]) / unit
+        seen[i, POINT + 1] = (y - off * C / size - origin[1]) / unit
+
+
+def informative(seen: np.ndarray) -> np.ndarray:
+    """Return the observations that depend on lambda enough and are not of a fisheye's rim."""
+    bend, normal, point = seen[:, [CURVATURE]], seen[:, NORMAL:POINT], seen[:, POINT:]
+    across = (normal * point).sum(axis=1)
+    is_rim = np.hypot(*(bend * point - normal).T) < RIM * np.abs(bend[:, 0])
+    return seen[(4 * across ** 2 * INFORMATIVE ** 2 > seen[:, VARIANCE]) & ~is_rim]
