@@ -62,6 +62,7 @@ def test_no_place_for_logs_is_said_in_one_line(peer: Peer) -> None:
     assert 'Traceback' not in process.output and os.listdir(peer.folder)
 
 
+@pytest.mark.alone
 def test_two_hosts_and_a_bad_cable_between_them(tmp_path: Path) -> None:
     """50 ms, one frame in twenty lost, and all of them for 10 s: it goes on by itself."""
     environment = (f'cd {tmp_path}; export PYTHONPATH={ROOT} ROS_LOG_DIR={tmp_path} '

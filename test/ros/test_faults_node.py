@@ -80,6 +80,7 @@ def test_frames_that_change_size_and_encoding_from_one_to_the_next(rig: Rig) -> 
     account(rig)
 
 
+@pytest.mark.alone
 def test_a_storm_of_parameters(rig: Rig) -> None:
     """Two hundred sets in a second, each answered, the last one in force; frames go on."""
     rig.settle()
@@ -119,6 +120,7 @@ def test_listeners_that_come_and_go_a_hundred_times(rig: Rig) -> None:
     peer.node.destroy_subscription(listener)
 
 
+@pytest.mark.alone
 def test_a_detector_that_is_stopped_for_a_while(rig: Rig) -> None:
     """It goes on with the newest frame, and counts those that it missed."""
     rig.settle()
@@ -148,6 +150,7 @@ def test_two_cameras_on_one_topic(rig: Rig) -> None:
     assert values(rig.report('frames lost'))['frames lost'] == lost
 
 
+@pytest.mark.alone
 def test_another_camera_takes_over(rig: Rig) -> None:
     """Its numbers go on from where it was, and say nothing of the frames of the one before."""
     rig.settle()
