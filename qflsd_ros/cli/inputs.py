@@ -17,12 +17,12 @@ from qflsd_ros.sources.files import IMAGE_SUFFIXES, natural_order, read_image
 from qflsd_ros.sources.frames import Frame, Report, report_by_log, SourceError
 from qflsd_ros.sources.video import quiet_capture, Video
 
-# In a folder, these are taken for videos; a file named on its own is one unless it is an image.
+# In a folder, only these are read as videos; any file that is named itself is, unless an image.
 VIDEO_SUFFIXES = ('.avi', '.m4v', '.mkv', '.mov', '.mp4', '.mpeg', '.mpg', '.webm')
 
 
 class Moment(NamedTuple):
-    """When a recorded image was taken and recorded, ns, and in which coordinate frame."""
+    """Times (ns) at which an image in a bag was recorded and taken, and its coordinate frame."""
 
     recorded: int
     stamp: int
@@ -32,22 +32,22 @@ class Moment(NamedTuple):
 @dataclass(frozen=True)
 class Picture:
     """
-    One picture to work on.
+    One picture to process.
 
     Attributes
     ----------
     path
-        The file that it comes from.
+        The file that holds the picture.
     name
-        What its results are called, different for every picture.
+        Name of its result files without suffix, unique among all pictures.
     frame
-        Its number in a video or rosbag2, from 0; None for an image file.
+        Number of the frame in a video or rosbag2, from 0; None for an image file.
     pixels
-        (H, W, 3) uint8 B, G, R of a frame; None for what is read by whoever works on it.
+        Video frame, (H, W, 3) uint8 B, G, R; None where :meth:`read` reads or converts it.
     message
-        A recorded image; None for any other.
+        Image message of a rosbag2; None for any other picture.
     moment
-        Of an image of a rosbag2; None for any other.
+        Times and coordinate frame of an image of a rosbag2; None for any other picture.
 
     """
 
@@ -60,11 +60,11 @@ class Picture:
 
     def read(self, white_level: float | None = None) -> np.ndarray:
         """
-        Return (H, W, 3) uint8 B, G, R, of a recorded image (H, W) uint8 as the node sees it.
+        Return the pixels: (H, W, 3) uint8 B, G, R, or (H, W) uint8 for an image of a rosbag2.
 
-        ``white_level`` is the value that becomes 255 in images of 16 bits or floats, None for that
-        of their format.  Raises SourceError where a file cannot be read, FrameError where a
-        recorded image cannot.
+        ``white_level`` is the value that becomes 255 in images of 16 bits or floats, None for the
+        largest value of their format. Raises SourceError where a file cannot be read, FrameError
+        where an image of a rosbag2 cannot.
         """
         if self.message is not None:
             return images.read(self.message, white_level or 0.0)
@@ -73,9 +73,9 @@ class Picture:
 
 def find(arguments: Iterable[str]) -> tuple[list[Path], list[str]]:
     """
-    Return the files that arguments stand for, each once, in order; and a line for what is none.
+    Return the files that arguments name, each once and in order, and a text for each problem.
 
-    An argument is a file, a rosbag2, a folder (its images and videos) or a glob pattern.
+    An argument is a file, a rosbag2, a folder (for its images and videos) or a glob pattern.
     """
     files: dict[Path, Path] = {}
     problems: list[str] = []
@@ -115,18 +115,18 @@ def _contents(folder: Path, complain: Report) -> list[Path]:
 
 
 def _matches(pattern: Path) -> list[Path]:
-    """Return what matches a glob pattern, but for what is hidden; links to folders end there."""
+    """Return the paths that match a glob pattern, without hidden ones; follow no folder links."""
     folder = Path(pattern.anchor)
     try:
         found = sorted(folder.glob(str(pattern.relative_to(folder))))
     except (OSError, ValueError):
-        return []  # a name too long, ** and something else between two slashes
+        return []  # a name is too long, or ** is only a part of a name
     return [path for path in found
             if not any(part.startswith('.') and part not in pattern.parts for part in path.parts)]
 
 
 def count(path: Path, topic: str) -> int:
-    """Return the number of pictures in a file; of a video or rosbag2, what it says of itself."""
+    """Return the number of pictures in a file, by the header of a video or rosbag2."""
     if is_image(path):
         return 1
     if is_bag(path):
@@ -140,22 +140,22 @@ def count(path: Path, topic: str) -> int:
 
 
 def is_bag(path: Path) -> bool:
-    """Tell a rosbag2, a folder or a file, from anything else."""
+    """Return whether a path is a rosbag2: a folder with metadata, or a storage file."""
     return os.path.exists(path / 'metadata.yaml') or path.suffix.lower() in STORAGE_SUFFIXES
 
 
 def is_image(path: Path) -> bool:
-    """Tell an image file, by the end of its name, from anything else."""
+    """Return whether a path is an image file, by its suffix."""
     return path.suffix.lower() in IMAGE_SUFFIXES
 
 
 def names(files: list[Path]) -> list[str]:
     """
-    Return a name for each file, no two alike: its own, with more of its path where it must be.
+    Return a unique name for each file: its stem, with more of its path where needed.
 
-    Files of one folder that differ in their suffix alone keep it; files of the same name in
-    different folders get the folder's name before theirs.  Names that differ in capitals alone are
-    alike: the disk of the results may make no difference.
+    Files in one folder that differ only in their suffix keep the suffix; files of the same name
+    in different folders are prefixed with the name of their folder. Names that differ only in
+    case count as equal, because file systems may ignore case.
     """
     folders = [Path(os.path.realpath(path.parent)) for path in files]
     stems = Counter((folder, _folded(path.stem)) for folder, path in zip(folders, files))
@@ -163,7 +163,7 @@ def names(files: list[Path]) -> list[str]:
     parts = [(*folder.parts[1:],
               path.stem if stems[folder, _folded(path.stem)] == 1 else path.name)
              for folder, path in zip(folders, files)]
-    # No folder tells A.png from a.png beside it.
+    # The folder does not distinguish A.png from a.png beside it.
     short = [twins[folder, _folded(path.name)] > 1 for folder, path in zip(folders, files)]
     result = [part[-1] for part in parts]
     for depth in range(2, max(map(len, parts), default=1) + 1):
@@ -174,7 +174,7 @@ def names(files: list[Path]) -> list[str]:
 
 
 def _numbered(wanted: list[str]) -> list[str]:
-    """Give numbers to what is still alike: a_b/c and a/b_c."""
+    """Append numbers to names that are still equal, as those of a_b/c and a/b_c."""
     all_wanted = set(map(_folded, wanted))
     taken: set[str] = set()
     result = []
@@ -189,17 +189,17 @@ def _numbered(wanted: list[str]) -> list[str]:
 
 
 def _folded(name: str) -> str:
-    """Return what names that a disk may take for the same have in common."""
+    """Return a key that is equal for names that a file system may regard as the same."""
     return unicodedata.normalize('NFC', name).casefold()
 
 
 def pictures(path: Path, name: str, topic: str, report: Report, tell: Report) -> Iterator[Picture]:
     """
-    Return the picture of an image file, or the frames of a video or rosbag2 in order.
+    Yield the picture of an image file, or the frames of a video or rosbag2 in order.
 
-    Frames are called ``name/000000`` and so on; ``topic`` is that of a rosbag2, empty for the
-    first with images.  ``report`` is called with what cannot be read, ``tell`` with what else
-    there is to know.  Raises SourceError where a video or rosbag2 as a whole cannot be read.
+    Frames are named ``name/000000`` and so on. ``topic`` is the image topic of a rosbag2; if
+    empty, the first one with images. ``report`` is called with errors about single frames,
+    ``tell`` with notes. Raises SourceError where a video or rosbag2 as a whole cannot be read.
     """
     if is_image(path):
         yield Picture(path, name)
