@@ -38,10 +38,10 @@ class DemoError(Exception):
 def parse(args: list[str] | None) -> argparse.Namespace:
     """Return the arguments of the command line; exit with a message where one is invalid."""
     parser = argparse.ArgumentParser(
-        prog='demo', description='Runs a camera and the detector for some seconds, prints rates '
-        'and latencies once a second, and writes pictures with the arcs that are detected.')
+        prog='demo', description='Runs a camera and the detector for some seconds, prints '
+        'rates and latencies once a second, and writes pictures with the arcs that are detected.')
     parser.add_argument('--seconds', type=float, default=20.0, metavar='N',
-                        help='duration in seconds, from the first result on (default: %(default)g)')
+                        help='seconds to run, from the first result on (default: %(default)g)')
     parser.add_argument('--input', metavar='PATH',
                         help='image, folder, video, rosbag2 or number of a webcam '
                         '(default: a synthetic scene)')
@@ -90,7 +90,7 @@ def commands(source: str | None) -> dict[str, list[str]]:
     python = [sys.executable, '-c', START]
     camera = [*python, 'camera', '--ros-args']
     if source is not None:
-        camera += ['-p', f'source:={json.dumps(source)}']  # in quotes: without them a number is no string
+        camera += ['-p', f'source:={json.dumps(source)}']  # quoted: a string, never a number
     if shows_stills(source):
         camera += ['-p', f'rate:={STILLS_RATE}']
     return {'camera': camera, 'detector': [*python, 'detector']}

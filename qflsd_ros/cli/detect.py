@@ -120,8 +120,8 @@ def check_places(folder: Path, files: list[Path]) -> None:
               if not inputs.is_image(path)}
     for place in map(os.path.realpath, files):
         if place in written or os.path.dirname(place) in frames:
-            raise SettingsError(f'{place!r} would be overwritten by results: choose another folder '
-                                'by --output')
+            raise SettingsError(f'{place!r} would be overwritten by results: choose another '
+                                'folder by --output')
     for path, name in zip(files, names):
         bag = recordings.path_of(folder, name)
         if inputs.is_bag(path) and os.path.lexists(bag):

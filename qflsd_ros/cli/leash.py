@@ -10,8 +10,9 @@ import time
 from qflsd_ros.ros.__main__ import main as run
 
 GRACE = 5.0  # s that the node has to end after SIGTERM, before it is killed
-# The program of ``python -c START camera ...``. It removes the empty entry of sys.path, which stands
-# for the current folder: files there must not be imported. Python 3.10 has no option for that.
+# The program of ``python -c START camera ...``. It removes the empty entry of sys.path, which
+# stands for the current folder: files there must not be imported. Python 3.10 has no option for
+# that.
 START = ('import sys; sys.path = [entry for entry in sys.path if entry]; '
          'from qflsd_ros.cli.leash import main; sys.exit(main())')
 

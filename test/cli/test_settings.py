@@ -113,8 +113,8 @@ def test_what_counts_here_and_what_is_named(tmp_path: Path) -> None:
     found = read_all(params=params, folder=tmp_path)
     assert {name: getattr(found.node, name) for name in counts} == counts
     line, = SAID
-    assert line.endswith('p.yaml: parameters without effect here: max_age, hardware_id, use_sim_time, '
-                         'qos_overrides./image.subscription.reliability')
+    assert line.endswith('p.yaml: parameters without effect here: max_age, hardware_id, '
+                         'use_sim_time, qos_overrides./image.subscription.reliability')
     known = set(dataclasses.asdict(found.node)) - {'mask'}
     assert known == set(counts) | set(settings.IDLE)
 

@@ -104,7 +104,8 @@ def test_an_end_is_one_line_and_leaves_nothing(
     os.kill(process.pid, number)
     _, stderr = process.communicate(timeout=30)
     assert process.returncode == 128 + number
-    assert stderr == f'detect: interrupted by {number.name}; all files written so far are complete\n'
+    assert stderr == (f'detect: interrupted by {number.name}; all files written so far are '
+                      'complete\n')
     poll(lambda: not group(process.pid), 10)
     assert not hidden(output)
 
