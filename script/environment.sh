@@ -1,12 +1,14 @@
-# Sourced by the scripts beside it: makes .venv ready, whatever the machine has.
+# Sourced by the scripts beside it: prepares the virtual environment .venv.
 #
-#   set_up [EXTRA...]   .venv then holds this package (editable) with these extras of setup.py, and
-#                       ROS 2 Jazzy: the sourced one, else the wheels.
+#   set_up [EXTRA...]   installs this package (editable) and these extras of setup.py into .venv,
+#                       together with ROS 2 as wheels, unless the shell has a ROS 2 sourced.
 #
-# The variable PYTHON names the interpreter (default: the one behind .venv, else python3).
+# Variables: PYTHON      the interpreter (default: the one behind .venv, else python3)
+#            ROS_WHEELS  the distribution of the wheels: jazzy (default) or kilted
 
 ROOT=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 VENV=$ROOT/.venv
+ROS_WHEELS=${ROS_WHEELS:-jazzy}
 
 fail() {
     printf '%s\n' "$@" >&2
@@ -29,15 +31,22 @@ choose_python() {
 }
 
 check_ros() {
-    [[ ${ROS_DISTRO:-jazzy} == jazzy ]] ||
-        fail "This shell has ROS 2 $ROS_DISTRO sourced, but this package is made for Jazzy." \
-            'Source that one, or open a shell without any: then ROS is installed as wheels.'
+    if [[ -n ${ROS_DISTRO:-} ]]; then
+        [[ $ROS_DISTRO =~ ^(jazzy|kilted|lyrical|rolling)$ ]] ||
+            fail "This shell has ROS 2 $ROS_DISTRO sourced, but this package needs Jazzy, Kilted," \
+                'Lyrical or Rolling. Source one of them, or open a shell without any: then ROS is' \
+                'installed as wheels.'
+    else
+        [[ $ROS_WHEELS =~ ^(jazzy|kilted)$ ]] ||
+            fail "ROS_WHEELS is '$ROS_WHEELS': must be jazzy or kilted. Other distributions have to" \
+                'be installed and sourced.'
+    fi
 }
 
 # What .venv is built on: when any of it changes, .venv is made anew.
 foundation() {
     "$PYTHON" -c 'import sys; print(sys.base_prefix, sys.version)'
-    echo "$ROOT ${ROS_DISTRO:-wheels}"
+    echo "$ROOT ${ROS_DISTRO:-wheels of $ROS_WHEELS}"
 }
 
 make_venv() {
@@ -54,7 +63,8 @@ make_venv() {
     foundation > "$VENV/foundation"
 }
 
-# The messages of a sourced ROS are compiled against its own numpy: no other one may slip in.
+# The messages of a sourced ROS are compiled against the numpy that it comes with (1.26 for Jazzy and
+# Kilted, 2 for Lyrical and Rolling): pip must keep that version.
 constraints() {
     [[ -z ${ROS_DISTRO:-} ]] ||
         "$VENV/bin/python" -c 'import numpy; print(f"numpy=={numpy.__version__}")'
@@ -64,10 +74,10 @@ fail_install() {
     local log=$1 hints=(
         'Is there a network connection? pip needs a Python package index: https://pypi.org, or a'
         'mirror that PIP_INDEX_URL names; behind a proxy, set HTTPS_PROXY.')
-    grep -q 'No matching distribution found for ros-jazzy' "$log" && hints=(
+    grep -q "No matching distribution found for ros-$ROS_WHEELS" "$log" && hints=(
         "There is no ROS wheel for this machine and '$PYTHON': they are made for Linux on x86_64"
         "and Python 3.10 to 3.13. Name such a Python (PYTHON=python3.12 $0)"
-        'or install ROS 2 Jazzy and source it.')
+        'or install ROS 2 and source it.')
     fail 'Installing what this package needs failed:' "$(grep -m 2 'ERROR:' "$log" | sed 's/^ *//')" \
         "${hints[@]}" "Everything that pip said: $log"
 }
@@ -80,26 +90,35 @@ install_package() {
         > "$log" 2>&1 || fail_install "$log"
 }
 
-# What pip was once told may be undone since.
+# Whether the package is still installed: pip may have removed it since.
 is_installed() {
     [[ -x $VENV/bin/demo ]] && "$VENV/bin/python" -I -c 'import qflsd_ros' 2>/dev/null
+}
+
+# The extras to install, those of the ROS wheels included, separated by commas.
+all_extras() {
+    local extras=("$@")
+    if [[ -z ${ROS_DISTRO:-} && $ROS_WHEELS == jazzy ]]; then
+        extras+=(ros "${@/#/ros-}")
+    elif [[ -z ${ROS_DISTRO:-} ]]; then
+        extras+=("$ROS_WHEELS")
+    fi
+    (IFS=,; echo "${extras[*]}")
 }
 
 set_up() {
     choose_python
     check_ros
-    local extras=("$@")
-    [[ -n ${ROS_DISTRO:-} ]] || extras+=(ros "${@/#/ros-}")
-    local list
-    list=$(IFS=,; echo "${extras[*]}")
-    local stamp=$VENV/installed-$list
+    local list stamp
+    list=$(all_extras "$@")
+    stamp=$VENV/installed-$list
 
     if ! { foundation | cmp -s - "$VENV/foundation" && "$VENV/bin/python" -c ''; } 2>/dev/null; then
         echo 'Making .venv ...' >&2
         make_venv
     fi
     if ! { cksum "$ROOT/setup.py" | cmp -s - "$stamp" && is_installed; }; then
-        echo 'Installing into .venv what this package needs (the first time: a minute or two) ...' >&2
+        echo 'Installing the requirements into .venv (the first time: a minute or two) ...' >&2
         install_package "$list"
         cksum "$ROOT/setup.py" > "$stamp"
     fi

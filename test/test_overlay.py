@@ -88,6 +88,7 @@ def test_colours_are_stable_and_apart() -> None:
     assert many.max(axis=1).min() > 200
 
 
+@pytest.mark.alone
 def test_drawing_keeps_up_with_a_camera() -> None:
     """1280x720 with 500 arcs takes a small part of a 30 Hz frame."""
     generator = np.random.default_rng(0)

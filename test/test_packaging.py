@@ -16,8 +16,8 @@ import rclpy
 
 ROOT = Path(__file__).parents[1]
 TIMEOUT = 180.0  # s; generous: the machine may be busy, and kernels have to be compiled
-SOURCES = ('config', 'qflsd_ros', 'resource', 'test', 'CHANGELOG.rst', 'LICENSE', 'package.xml',
-           'pyproject.toml', 'setup.cfg', 'setup.py')
+SOURCES = ('config', 'launch', 'qflsd_ros', 'resource', 'test', 'CHANGELOG.rst', 'LICENSE',
+           'package.xml', 'pyproject.toml', 'setup.cfg', 'setup.py')
 EXECUTABLES = ('camera', 'demo', 'detect', 'detector')
 COLCON = 'import sys; from colcon_core.command import main; sys.exit(main())'
 # colcon test runs a small part of the tests here: all of them would run this one again.

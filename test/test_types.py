@@ -13,7 +13,6 @@ NEEDED = ('mypy', 'scipy-stubs', 'types-PyYAML', 'types-tqdm')
 
 
 @pytest.mark.linter
-@pytest.mark.xfail(strict=True, reason='annotations that mypy has not yet been run on')
 def test_mypy() -> None:
     """All code is clean under the settings of pyproject.toml."""
     for name in NEEDED:

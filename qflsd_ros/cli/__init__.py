@@ -1,1 +1,1 @@
-"""The commands: detect (files, without ROS) and demo (a first look, live)."""
+"""The commands ``detect`` (files, without ROS) and ``demo`` (camera and detector, live)."""

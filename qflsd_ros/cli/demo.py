@@ -1,4 +1,4 @@
-"""The command ``demo``: a camera and the detector as two processes, watched from a third."""
+"""The command ``demo``: runs a camera and the detector as processes and shows their results."""
 from __future__ import annotations
 
 import argparse
@@ -18,38 +18,37 @@ from qflsd_ros.cli.film import Film
 from qflsd_ros.cli.gallery import Gallery
 from qflsd_ros.cli.interruption import noted
 from qflsd_ros.cli.leash import START
-from qflsd_ros.cli.observer import Counts, Observer
+from qflsd_ros.cli.observer import Counts, Observer, Show
 from qflsd_ros.cli.processes import ProcessError, Processes
 from qflsd_ros.sources.files import IMAGE_SUFFIXES
 import rclpy
 from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 
-# s until the first result must have come: the first start compiles, for minutes on slow boards.
-PATIENCE = 600.0
-SPIN = 0.1  # s, after which it is looked whether a signal has come
-STILLS_RATE = 10.0  # Hz, of still images: each one's picture is to be written
+PATIENCE = 120.0  # s until the first result must have come; the very first start compiles
+SPIN = 0.1  # s between two checks for a signal
+STILLS_RATE = 10.0  # Hz, of still images; slow enough that a picture of each one is written
 FAILED, USAGE, INTERRUPTED = 1, 2, 130  # exit codes
 
 
 class DemoError(Exception):
-    """The demo cannot go on; the text says why."""
+    """The demo cannot continue; the text gives the reason."""
 
 
 def parse(args: list[str] | None) -> argparse.Namespace:
-    """Return the arguments of the command line, checked."""
+    """Return the arguments of the command line; exit with a message where one is invalid."""
     parser = argparse.ArgumentParser(
-        prog='demo', description='Runs a camera and the detector for a while, prints a line a '
-        'second on what comes out and writes pictures of it.')
+        prog='demo', description='Runs a camera and the detector for some seconds, prints '
+        'rates and latencies once a second, and writes pictures with the arcs that are detected.')
     parser.add_argument('--seconds', type=float, default=20.0, metavar='N',
-                        help='how long, from the first result on (default: %(default)g)')
+                        help='seconds to run, from the first result on (default: %(default)g)')
     parser.add_argument('--input', metavar='PATH',
                         help='image, folder, video, rosbag2 or number of a webcam '
                         '(default: a synthetic scene)')
     parser.add_argument('--output', type=Path, default=Path('output/demo'), metavar='DIR',
-                        help='folder of the pictures (default: %(default)s)')
+                        help='folder for the pictures (default: %(default)s)')
     parser.add_argument('--video', type=Path, metavar='FILE',
-                        help='write the overlay as a video, too; its name ends in .mp4')
+                        help='also write the pictures as a video; the name must end in .mp4')
     arguments = parser.parse_args(args)
     if not 0 < arguments.seconds < math.inf:
         parser.error(f'--seconds is {arguments.seconds}: must be above 0')
@@ -62,11 +61,11 @@ def parse(args: list[str] | None) -> argparse.Namespace:
 
 
 def free_domain() -> int:
-    """Return a ROS_DOMAIN_ID that nobody on this machine uses."""
+    """Return a ROS_DOMAIN_ID that no other process on this machine uses."""
     numbers = list(range(1, 100))
     random.shuffle(numbers)
     for number in numbers:
-        # DDS has fixed ports for each domain; the first participant takes this one.
+        # DDS has fixed ports for each domain; its first participant binds this one.
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
             try:
                 probe.bind(('', 7400 + 250 * number + 10))
@@ -77,7 +76,7 @@ def free_domain() -> int:
 
 
 def shows_stills(source: str | None) -> bool:
-    """Tell an image or a folder of images from what moves."""
+    """Return whether a source is an image or a folder of images, not a video, bag or scene."""
     if source is None:
         return False
     path = Path(source)
@@ -91,14 +90,14 @@ def commands(source: str | None) -> dict[str, list[str]]:
     python = [sys.executable, '-c', START]
     camera = [*python, 'camera', '--ros-args']
     if source is not None:
-        camera += ['-p', f'source:={json.dumps(source)}']  # quoted: a number is no index else
+        camera += ['-p', f'source:={json.dumps(source)}']  # quoted: a string, never a number
     if shows_stills(source):
         camera += ['-p', f'rate:={STILLS_RATE}']
     return {'camera': camera, 'detector': [*python, 'detector']}
 
 
 def profiles() -> Path:
-    """Return the Fast DDS profile of the package, whether that is installed or a checkout."""
+    """Return the path of the Fast DDS profile, in an installed package or in a checkout."""
     package = Path(__file__).parents[1]
     shares = [folder / 'share' / 'qflsd_ros' for folder in package.parents]
     return next(file for share in (package.parent, *shares)
@@ -106,14 +105,14 @@ def profiles() -> Path:
 
 
 def prepare_environment() -> None:
-    """Choose a domain of our own on this machine, with room for large images."""
+    """Set a ROS domain of its own, on this machine only, and shared memory for large images."""
     os.environ.update(ROS_DOMAIN_ID=str(free_domain()), ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST')
     os.environ.setdefault('FASTRTPS_DEFAULT_PROFILES_FILE', str(profiles()))
 
 
 def await_result(executor: Executor, observer: Observer, processes: Processes,
                  check: Callable[[], None]) -> None:
-    """Spin until an image and a result have come; DemoError where they do not."""
+    """Spin until an image and its result have come; raise DemoError where they do not."""
     deadline = time.monotonic() + PATIENCE
     while observer.counts is None:
         executor.spin_once(SPIN)
@@ -126,7 +125,7 @@ def await_result(executor: Executor, observer: Observer, processes: Processes,
 
 def watch(executor: Executor, observer: Observer, processes: Processes, seconds: float,
           check: Callable[[], None]) -> Counts:
-    """Print a line a second for a while, or until the camera ends; return what came in all."""
+    """Print a line each second until the time is over or the camera ends; return all counts."""
     total, begin, number = Counts(), time.monotonic(), 0
     while number < seconds and processes.running():
         number += 1
@@ -137,16 +136,16 @@ def watch(executor: Executor, observer: Observer, processes: Processes, seconds:
         counts = observer.take()
         total.add(counts)
         print(f'{number:3d} s: {counts}, {observer.age()}', flush=True)
-    check()     # Ctrl-C ends the camera as well
+    check()     # Ctrl-C ends the camera as well, and the loop with it
     return total
 
 
 def run(arguments: argparse.Namespace, check: Callable[[], None]) -> None:
-    """Run camera, detector and observer, and say what came of it; ``check`` is called often."""
+    """Run camera, detector and observer, and print the results; ``check`` is called often."""
     interval = 0.0 if shows_stills(arguments.input) else 1.0
     with ExitStack() as stack:
         gallery = stack.enter_context(Gallery(arguments.output, interval))
-        shows = [gallery.show]
+        shows: list[Show] = [gallery.show]
         if arguments.video:
             film = stack.enter_context(Film(arguments.video))
             shows.append(lambda pixels, _: film.show(pixels))
@@ -160,9 +159,9 @@ def run(arguments: argparse.Namespace, check: Callable[[], None]) -> None:
         executor.shutdown()
         observer.destroy_node()
         rclpy.shutdown()
-    print(f'in all: {total}')
+    print(f'total: {total}')
     if not gallery.paths:
-        raise DemoError('no picture came')
+        raise DemoError('no picture has come')
     print(f'{len(gallery.paths)} pictures in {arguments.output}: '
           f'{gallery.paths[0].name} to {gallery.paths[-1].name}')
     if arguments.video:
@@ -176,7 +175,7 @@ def main(args: list[str] | None = None) -> int:
     try:
         prepare_environment()
         print(f'Starting camera and detector, ROS_DOMAIN_ID={os.environ["ROS_DOMAIN_ID"]} '
-              '(the first time ever, compiling takes half a minute) ...', flush=True)
+              '(the very first start compiles for about half a minute) ...', flush=True)
         run(arguments, check)
     except (DemoError, ProcessError) as error:
         print(f'demo: {error}', file=sys.stderr)
@@ -185,7 +184,8 @@ def main(args: list[str] | None = None) -> int:
         print(f'demo: results cannot be written: {error}', file=sys.stderr)
         return FAILED
     except KeyboardInterrupt:
-        print(f'demo: interrupted; the pictures so far are in {arguments.output}', file=sys.stderr)
+        print(f'demo: interrupted; pictures written so far are in {arguments.output}',
+              file=sys.stderr)
         return INTERRUPTED
     return 0
 

@@ -8,31 +8,30 @@ import os
 from pathlib import Path
 import sys
 import time
-from typing import Iterable, Iterator
+from typing import Generator, Iterable, Iterator
 
 import cv2
 from qflsd_ros.cli import inputs, recordings, settings
 from qflsd_ros.cli.inputs import Picture
 from qflsd_ros.cli.interruption import Interrupted, raised
 from qflsd_ros.cli.recordings import Recordings
-from qflsd_ros.cli.settings import Settings, SettingsError
+from qflsd_ros.cli.settings import Options, SettingsError
 from qflsd_ros.cli.work import Outcome, Task, Work
 from qflsd_ros.cli.workers import Workers
 from qflsd_ros.cli.writing import private_room
 from qflsd_ros.ros.lens import CameraLens
 from qflsd_ros.sources.frames import Report, SourceError
-from qflsd_ros.sources.opening import Kind, kind_of
 from tqdm import tqdm
 
-FAILED, USAGE = 1, 2  # exit codes; 128 and the number of the signal that has interrupted it
+FAILED, USAGE = 1, 2  # exit codes; a signal that interrupts it gives 128 and its number
 
 
 def tasks(pictures: Iterable[Picture], work: Work) -> Iterator[Task]:
     """
-    Return what is to do of each picture.
+    Yield a task for each picture.
 
-    Arcs of a frame are found here, for the lens is known by the frames before it; an image file is
-    for itself.
+    Arcs in frames of a video or bag are detected here, in order, because the lens is estimated
+    from all frames before. Image files do not depend on each other: workers detect their arcs.
     """
     camera, path = CameraLens(), None
     for picture in pictures:
@@ -45,27 +44,27 @@ def tasks(pictures: Iterable[Picture], work: Work) -> Iterator[Task]:
         yield Task(replace(picture, pixels=None, message=None), found)
 
 
-def outcomes(pictures: Iterable[Picture], settings: Settings, folder: Path, room: Path,
-             jobs: int) -> Iterator[Outcome]:
-    """Work on pictures in ``jobs`` processes; return what came of them as they are done."""
-    work = Work(settings, folder, room)  # compiles the kernels once, before the workers load them
+def outcomes(pictures: Iterable[Picture], options: Options, folder: Path, room: Path,
+             jobs: int) -> Generator[Outcome, None, None]:
+    """Process pictures in ``jobs`` processes; yield the outcome of each when it is finished."""
+    work = Work(options, folder, room)  # compiles the kernels once, before the workers load them
     if jobs == 1:
         yield from map(work, tasks(pictures, work))
         return
-    with Workers[Task, Outcome](jobs, start, settings, folder, room) as workers:
+    with Workers[Task, Outcome](jobs, start, options, folder, room) as workers:
         for task, outcome in workers.run(tasks(pictures, work)):
             yield outcome or Outcome(error=f'{str(task.picture.path)!r}: the process that worked '
                                      f'on {task.picture.name!r} was killed')
 
 
-def start(settings: Settings, folder: Path, room: Path) -> Work:
-    """Return what a worker process does."""
+def start(options: Options, folder: Path, room: Path) -> Work:
+    """Return the function that a worker process calls with its tasks."""
     cv2.setNumThreads(1)
-    return Work(settings, folder, room)
+    return Work(options, folder, room)
 
 
 def readable(files: list[Path], topic: str, complain: Report, tell: Report) -> Iterator[Picture]:
-    """Return the pictures of all files; complain about videos and bags that cannot be read."""
+    """Yield the pictures of all files; complain about videos and bags that cannot be read."""
     for path, name in zip(files, inputs.names(files)):
         try:
             yield from inputs.pictures(path, name, topic, complain, tell)
@@ -77,8 +76,9 @@ def parser() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
     result = argparse.ArgumentParser(
         prog='detect', allow_abbrev=False,
-        description='Finds the arcs in images and writes, for each, an overlay (PNG), a table '
-        '(CSV) and everything (JSON).  Flags win over the parameter file.')
+        description='Detects arcs in images and writes for each image an overlay (PNG), a table '
+        'of the arcs (CSV), and arcs, lens and parameters (JSON). Flags override the parameter '
+        'file.')
     result.add_argument('input', nargs='+', metavar='INPUT',
                         help='image, video, rosbag2, folder of images and videos, or glob '
                         'pattern')
@@ -91,14 +91,14 @@ def parser() -> argparse.ArgumentParser:
     result.add_argument('--params', type=Path, metavar='FILE',
                         help='ROS parameter file, as config/detector.yaml')
     result.add_argument('--node', default=settings.NODE, metavar='NAME',
-                        help='full name of the node whose sections of that file count '
+                        help='full name of the node whose sections of that file are used '
                         '(default: %(default)s)')
     settings.add_flags(result)
     return result
 
 
 def check(arguments: argparse.Namespace, files: list[Path], problems: list[str]) -> None:
-    """Raise :class:`SettingsError` where nothing can be done, or too much would be."""
+    """Raise :class:`SettingsError` where there is no input, or results cannot be written."""
     if arguments.jobs < 1:
         raise SettingsError(f'--jobs is {arguments.jobs}: must be at least 1')
     if not files:
@@ -113,25 +113,25 @@ def check(arguments: argparse.Namespace, files: list[Path], problems: list[str])
 
 
 def check_places(folder: Path, files: list[Path]) -> None:
-    """Raise :class:`SettingsError` where results would take the place of inputs or of a bag."""
+    """Raise :class:`SettingsError` where results would overwrite an input or a bag."""
     names = inputs.names(files)
     written = {os.path.realpath(folder / f'{name}.png') for name in names}
     frames = {os.path.realpath(folder / name) for path, name in zip(files, names)
-              if kind_of(path) is not Kind.IMAGE}
-    for path in map(os.path.realpath, files):
-        if path in written or os.path.dirname(path) in frames:
-            raise SettingsError(f'{path!r} would be overwritten by results: choose another folder '
-                                'by --output')
+              if not inputs.is_image(path)}
+    for place in map(os.path.realpath, files):
+        if place in written or os.path.dirname(place) in frames:
+            raise SettingsError(f'{place!r} would be overwritten by results: choose another '
+                                'folder by --output')
     for path, name in zip(files, names):
         bag = recordings.path_of(folder, name)
-        if kind_of(path) is Kind.BAG and os.path.lexists(bag):
+        if inputs.is_bag(path) and os.path.lexists(bag):
             raise SettingsError(f'{str(bag)!r} is already there: remove it or choose another '
                                 'folder by --output')
 
 
-def run(files: list[Path], problems: list[str], chosen: Settings,
+def run(files: list[Path], problems: list[str], options: Options,
         arguments: argparse.Namespace) -> int:
-    """Work on all files, say what came of it, and return the exit code."""
+    """Process all files, print a summary, and return the exit code."""
     begin, done, errors = time.perf_counter(), [], []
     folder, topic, jobs = arguments.output, arguments.topic, arguments.jobs
     total = sum(inputs.count(path, topic) for path in files)
@@ -147,7 +147,7 @@ def run(files: list[Path], problems: list[str], chosen: Settings,
             complain(problem)
         pictures = readable(files, topic, complain, tell)
         with private_room(folder) as room, Recordings(folder, room, complain) as bags, \
-                closing(outcomes(pictures, chosen, folder, room, jobs)) as results:
+                closing(outcomes(pictures, options, folder, room, jobs)) as results:
             for outcome in results:
                 progress.update()
                 if outcome.error:
@@ -164,11 +164,11 @@ def run(files: list[Path], problems: list[str], chosen: Settings,
 
 
 def summarise(text: str) -> bool:
-    """Print a line on stdout; return whether that could be done, or nobody wants it."""
+    """Print a line on stdout; return False where it could not be written, as on a full disk."""
     try:
         print(text, flush=True)
     except OSError as error:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)    # Python tries once more at its end
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)    # else Python fails again when it exits
         if not isinstance(error, BrokenPipeError):
             say(f'the summary cannot be written: {error.strerror}')
             return False
@@ -182,15 +182,14 @@ def main(args: list[str] | None = None) -> int:
         with raised():
             files, problems = inputs.find(arguments.input)
             check(arguments, files, problems)
-            chosen = settings.read(arguments, say)
-            return run(files, problems, chosen, arguments)
+            return run(files, problems, settings.read(arguments, say), arguments)
     except SettingsError as error:
         say(str(error))
         return USAGE
     except Interrupted as error:
-        say(f'interrupted by {error}; what is written is whole')
+        say(f'interrupted by {error}; all files written so far are complete')
         return 128 + error.number
-    except BrokenPipeError:     # nobody reads stderr any more
+    except BrokenPipeError:     # the reader of stderr has ended
         return FAILED
 
 

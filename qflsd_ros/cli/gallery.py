@@ -1,4 +1,4 @@
-"""A folder that fills with pictures while other work goes on."""
+"""A folder of pictures, written by a thread beside other work."""
 from __future__ import annotations
 
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -16,14 +16,14 @@ class Gallery:
     """
     Writes pictures as PNG in a thread of its own.
 
-    What was shown before is left, what is of nothing known, and what comes too early or while
-    another one is being written.
-    A context manager: everything taken is written on leaving.
+    A picture is skipped where its source is unknown or has a picture already, where it arrives
+    within the interval after the last one, or while that is still being written.
+    A context manager: leaving waits until all pictures are written.
 
     Attributes
     ----------
     paths
-        The files written or being written, in order.
+        The files that are written or being written, in order.
 
     """
 
@@ -38,22 +38,23 @@ class Gallery:
         self._writing: Future[None] | None = None
 
     def __enter__(self) -> Gallery:
-        """Make the folder."""
+        """Make the folder of the pictures."""
         self._folder.mkdir(parents=True, exist_ok=True)
         self._room = self._stack.enter_context(private_room(self._folder))
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Wait for what is being written; OSError where it could not be."""
+        """Wait for the last picture; raise OSError where it could not be written."""
         with self._stack:
             self._thread.shutdown()
             self._collect()
 
     def show(self, pixels: np.ndarray, source: int | None) -> None:
         """
-        Take a picture, (H, W, 3) uint8 B, G, R, of a source; OSError where the one before failed.
+        Write a picture, (H, W, 3) uint8 B, G, R, unless it is to be skipped.
 
-        Sources are told apart by their numbers.
+        ``source`` identifies the image that the picture shows; None where that is unknown.
+        Raises OSError where the picture before could not be written.
         """
         now = time.monotonic()
         if now - self._last < self._interval or self._writing and not self._writing.done():

@@ -1,4 +1,4 @@
-"""Signals that ask to end: noted, or raised as an exception where nothing is held."""
+"""Signals that ask a command to end: noted for later, or raised as an exception."""
 from __future__ import annotations
 
 from contextlib import contextmanager
@@ -10,7 +10,7 @@ ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class Interrupted(BaseException):
-    """A signal has come that asks to end; ``number`` is its own."""
+    """A signal asks the command to end; ``number`` is the number of the signal."""
 
     def __init__(self, number: int) -> None:
         super().__init__(signal.Signals(number).name)
@@ -19,10 +19,10 @@ class Interrupted(BaseException):
 
 def noted(*numbers: signal.Signals) -> Callable[[], None]:
     """
-    Note signals from now on; return a function that raises KeyboardInterrupt once one has come.
+    Note signals from now on; return a function that raises KeyboardInterrupt after a signal.
 
-    Raised while rclpy takes a message over, it comes out as another error; and processes are to be
-    ended without interruption.
+    The handler itself must not raise: rclpy turns an exception that is raised while it converts a
+    message into another error, and the end of child processes must not be interrupted.
     """
     came: list[int] = []
     for number in numbers:
@@ -36,7 +36,7 @@ def noted(*numbers: signal.Signals) -> Callable[[], None]:
 
 
 class _Held:
-    """How many callers hold signals back, and which one came meanwhile."""
+    """The number of callers that hold signals back, and the signal that has come meanwhile."""
 
     depth = 0
     came: int | None = None
@@ -44,7 +44,7 @@ class _Held:
 
 @contextmanager
 def raised() -> Iterator[None]:
-    """Raise :class:`Interrupted` for any of :data:`ENDING` that is not ignored already."""
+    """Raise :class:`Interrupted` for each signal of :data:`ENDING` that is not ignored already."""
     before = {number: signal.getsignal(number) for number in ENDING}
     for number, handler in before.items():
         if handler != signal.SIG_IGN:
@@ -59,11 +59,12 @@ def raised() -> Iterator[None]:
 @contextmanager
 def held() -> Iterator[None]:
     """
-    Hold :class:`Interrupted` back until what is done within is done whole.
+    Delay :class:`Interrupted` until the end of the block, so that the block is done completely.
 
-    Processes that are started within never get a signal that goes to the whole terminal.
+    Processes that are started in the block never receive the SIGINT of Ctrl-C.
     """
-    # A mask alone would not do: a thread that is older gets the signal, and passes it on.
+    # The mask alone does not suffice: another thread, without it, may receive the signal, and
+    # Python then runs the handler in the main thread.
     _Held.depth += 1
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:

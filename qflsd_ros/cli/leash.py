@@ -1,4 +1,4 @@
-"""A node that ends with whoever started it: it runs as long as its standard input stays open."""
+"""A node that ends with its parent process: it runs as long as its standard input is open."""
 from __future__ import annotations
 
 import os
@@ -9,15 +9,16 @@ import time
 
 from qflsd_ros.ros.__main__ import main as run
 
-GRACE = 5.0  # s for the node to end by itself
-# As ``python -c START camera ...``. An empty entry is the current folder, whose files are not to
-# be taken for modules; Python 3.10 has no option for that.
+GRACE = 5.0  # s that the node has to end after SIGTERM, before it is killed
+# The program of ``python -c START camera ...``. It removes the empty entry of sys.path, which
+# stands for the current folder: files there must not be imported. Python 3.10 has no option for
+# that.
 START = ('import sys; sys.path = [entry for entry in sys.path if entry]; '
          'from qflsd_ros.cli.leash import main; sys.exit(main())')
 
 
 def main() -> int:
-    """Run the node that the command line names; return the exit code."""
+    """Run the node that the command line names, and return its exit code."""
     Thread(target=_end_with_input, name='leash', daemon=True).start()
     return run()
 

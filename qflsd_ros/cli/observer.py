@@ -1,4 +1,4 @@
-"""A node that watches a camera and the detector: how many, how fast, and what it looks like."""
+"""A node that counts the messages of a camera and the detector, and passes overlays on."""
 from __future__ import annotations
 
 from dataclasses import dataclass, field
@@ -12,13 +12,15 @@ from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data, QoSProfile
 from sensor_msgs.msg import Image, PointCloud2
 
-RECORDED = 60.0  # s; older stamps come from a recording and say nothing of latency
-REMEMBERED = 64     # newest images of which it is known what they show
+RECORDED = 60.0  # s; an older stamp comes from a recording, so that it gives no latency
+REMEMBERED = 64     # newest images whose CRCs are kept until their overlays come
+# Takes an overlay, (H, W, 3) uint8 B, G, R, and the CRC of its image, None where that is unknown.
+Show = Callable[[np.ndarray, 'int | None'], None]
 
 
 @dataclass
 class Counts:
-    """What came in a stretch of time: frames, results, arcs of each, latency (s) of each."""
+    """Frames and results in a period of time, with the number of arcs and latency (s) of each."""
 
     frames: int = 0
     results: int = 0
@@ -26,7 +28,7 @@ class Counts:
     latencies: list[float] = field(default_factory=list)
 
     def __str__(self) -> str:
-        """Return a line for people."""
+        """Return the counts, mean number of arcs and latencies as a line of text."""
         arcs = f'{np.mean(self.arcs):4.0f}' if self.arcs else '   -'
         latency = 'latency     - ms, p95     - ms'
         if self.latencies:
@@ -35,7 +37,7 @@ class Counts:
         return f'in {self.frames:4d}, out {self.results:4d}, arcs {arcs}, {latency}'
 
     def add(self, other: Counts) -> None:
-        """Add what came in another stretch of time."""
+        """Add the counts of another period of time."""
         self.frames += other.frames
         self.results += other.results
         self.arcs += other.arcs
@@ -49,16 +51,16 @@ class Observer(Node):
     Attributes
     ----------
     counts
-        What came since :meth:`take`; None before an image and a result have come.
+        Counts since the last :meth:`take`; None before an image and a result have come.
 
     """
 
-    def __init__(self, shows: Iterable[Callable[[np.ndarray, int | None], None]]) -> None:
+    def __init__(self, shows: Iterable[Show]) -> None:
         """
-        Call all of ``shows`` with every overlay, (H, W, 3) uint8 B, G, R, and what it is of.
+        Call all of ``shows`` with every overlay and the CRC of its image.
 
-        That is the CRC of the image that was sent, which is the same whenever that is sent again,
-        though more may be found in it once the lens is known; None where it did not come here.
+        An image that is published repeatedly has the same CRC each time, while its overlay may
+        change once the lens is known. The CRC is None where the image itself was not received.
         """
         super().__init__('demo')
         self.counts: Counts | None = None
@@ -72,12 +74,12 @@ class Observer(Node):
         self.create_subscription(Image, 'detector/overlay', self._take_overlay, reliable)
 
     def take(self) -> Counts:
-        """Return what came since the last time, or since the first result."""
+        """Return the counts since the last call, or since the first result."""
         taken, self.counts = self.counts or Counts(), Counts()
         return taken
 
     def age(self) -> str:
-        """Say how old the newest result is, by its stamp."""
+        """Return the age of the newest result, by its stamp, as text."""
         age = None if self._newest is None else _since(self._newest)
         return 'age (recorded)' if age is None else f'age {age * 1e3:5.1f} ms'
 
@@ -90,7 +92,7 @@ class Observer(Node):
 
     def _count_result(self, message: PointCloud2) -> None:
         if not self._images:
-            return      # DDS may tell of the detector seconds before it tells of the camera
+            return      # DDS may discover the detector seconds before the camera
         if self.counts is None:
             self.counts = Counts(frames=1)
         self.counts.results += 1

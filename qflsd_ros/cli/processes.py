@@ -1,4 +1,4 @@
-"""Processes that end with whoever started them."""
+"""Child processes that end with this process."""
 from __future__ import annotations
 
 import signal
@@ -9,7 +9,7 @@ PATIENCE = 10.0  # s for a process to end by itself after SIGINT
 
 
 class ProcessError(Exception):
-    """A process that failed; ``code`` is its exit code, 1 where a signal ended it."""
+    """A process has failed; ``code`` is its exit code, or 1 where a signal has ended it."""
 
     def __init__(self, name: str, code: int) -> None:
         how = f'with exit code {code}' if code > 0 else f'by {signal.Signals(-code).name}'
@@ -19,10 +19,11 @@ class ProcessError(Exception):
 
 class Processes:
     """
-    Named processes, started on entering and ended on leaving: by SIGINT, else by SIGKILL.
+    Named processes, started on entering and ended on leaving: by SIGINT, then by SIGKILL.
 
-    Each has a process group of its own: a Ctrl-C reaches it in this way alone. Its standard input
-    stays open as long as this process lives, however that may end: :mod:`qflsd_ros.cli.leash`.
+    Each is in a session of its own, so that Ctrl-C in the terminal does not reach it directly.
+    Its standard input is a pipe that closes when this process ends, even by SIGKILL; see
+    :mod:`qflsd_ros.cli.leash`.
     """
 
     def __init__(self, commands: Mapping[str, Sequence[str]]) -> None:
@@ -31,7 +32,7 @@ class Processes:
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
 
     def __enter__(self) -> Processes:
-        """Start them."""
+        """Start the processes."""
         try:
             for name, command in self._commands.items():
                 self._processes[name] = subprocess.Popen(
@@ -42,7 +43,7 @@ class Processes:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """End them, whatever they do."""
+        """End the processes, by SIGKILL those that do not end within :data:`PATIENCE`."""
         for process in self._processes.values():
             process.send_signal(signal.SIGINT)
         for process in self._processes.values():
@@ -53,7 +54,7 @@ class Processes:
                 process.wait()
 
     def running(self) -> bool:
-        """Tell whether all still run; ProcessError where one has failed."""
+        """Return whether all processes run; raise ProcessError where one has failed."""
         codes = {name: process.poll() for name, process in self._processes.items()}
         for name, code in codes.items():
             if code:

@@ -1,4 +1,4 @@
-"""Bags with the segments of the bags that were read; without ROS."""
+"""Writes the segments of images from bags into new bags, without ROS."""
 from __future__ import annotations
 
 from contextlib import contextmanager
@@ -20,7 +20,7 @@ TYPES = get_typestore(Stores.ROS2_JAZZY)
 
 
 class Cloud(NamedTuple):
-    """Segments of a recorded image: the name of its bag, when it was taken, its rows."""
+    """Segments of an image from a bag: the name of the bag, time of the image, records."""
 
     bag: str
     moment: Moment
@@ -28,17 +28,21 @@ class Cloud(NamedTuple):
 
 
 def path_of(folder: Path, bag: str) -> Path:
-    """Return where the segments of a bag go."""
+    """Return the path of the bag that holds the segments of a bag."""
     return folder / f'{bag}_segments'
 
 
 class Recording:
-    """One bag, written in a private room."""
+    """One bag, written in a private folder and then moved to its place."""
 
     def __init__(self, folder: Path, bag: str, room: Path) -> None:
-        """Take the folder of the results and a private room in it; nothing is written yet."""
+        """
+        Write nothing yet.
+
+        ``folder`` is the folder of the results, ``room`` a private folder in it.
+        """
         self._path = path_of(folder, bag)
-        # The files of a bag bear its name.
+        # A folder for each bag, since the files of a bag carry its name and must not be renamed.
         self._folder = room / secrets.token_hex(8)
         self._writer: Writer | None = None
 
@@ -52,26 +56,30 @@ class Recording:
         self._writer.write(self._connection, cloud.moment.recorded, serialised(cloud))
 
     def finish(self) -> None:
-        """Bring the whole bag to its place."""
+        """Close the bag and move it to its place."""
         assert self._writer is not None
         self._writer.close()
         publish(self._folder / self._path.name, self._path.parent, self._path.name)
 
     def discard(self) -> None:
-        """Leave nothing behind."""
+        """Remove the unfinished bag."""
         shutil.rmtree(self._folder, ignore_errors=True)
 
 
 class Recordings:
     """
-    Writes a bag for each bag that was read: the topic ``/detector/segments``, as the node's.
+    Writes one bag for each input bag, with the topic ``/detector/segments`` as the node's.
 
-    A context manager.  Bags are finished on leaving, and are whole: one that cannot be written, or
-    that an exception has cut short, is not there.
+    A context manager: leaving finishes the bags. A bag that cannot be written, or whose writing
+    an exception has interrupted, is removed.
     """
 
     def __init__(self, folder: Path, room: Path, complain: Report) -> None:
-        """Write into a folder, where none of the bags may exist yet, with a private room in it."""
+        """
+        Write into ``folder``, where none of the bags may exist yet.
+
+        ``room`` is a private folder in it; ``complain`` is called with errors in writing.
+        """
         self._folder, self._room, self._complain = folder, room, complain
         self._open: dict[str, Recording] = {}
         self._failed: set[str] = set()
@@ -100,7 +108,7 @@ class Recordings:
 
     @contextmanager
     def _or_without(self, bag: str) -> Iterator[None]:
-        """Complain about a bag that cannot be written, and do without it from then on."""
+        """Complain about a bag that cannot be written, and write nothing more to it."""
         try:
             yield
         except OSError as error:
@@ -117,7 +125,7 @@ def serialised(cloud: Cloud) -> memoryview | bytes:
     header = TYPES.types['std_msgs/msg/Header'](time, cloud.moment.frame_id)
     field = TYPES.types['sensor_msgs/msg/PointField']
     fields = [field(name, offset, DATATYPES[kind.str[1:]], 1)
-              for name, (kind, offset) in rows.dtype.fields.items()]
+              for name, (kind, offset, *_) in (rows.dtype.fields or {}).items()]
     message = TYPES.types[KIND](
         header, 1, len(rows), fields, False, rows.dtype.itemsize, rows.nbytes,
         rows.view(np.uint8), True)

@@ -1,4 +1,4 @@
-"""The results of one picture as files: overlay (PNG), table (CSV), everything (JSON)."""
+"""The files for one picture: overlay (PNG), table of arcs (CSV), arcs with lens (JSON)."""
 from __future__ import annotations
 
 import csv
@@ -12,7 +12,7 @@ import numpy as np
 
 from qflsd_ros import overlay
 from qflsd_ros.cli.inputs import Picture
-from qflsd_ros.cli.settings import Settings
+from qflsd_ros.cli.settings import Options
 from qflsd_ros.cli.writing import write_whole
 from qflsd_ros.core import Arcs, DivisionModel, LensEstimate
 
@@ -20,9 +20,9 @@ SUFFIXES = ('.png', '.csv', '.json')
 
 
 def write(folder: Path, room: Path, picture: Picture, pixels: np.ndarray, arcs: Arcs,
-          lens: dict[str, Any] | None, settings: Settings) -> None:
+          lens: dict[str, Any] | None, options: Options) -> None:
     """
-    Write overlay, CSV and JSON of a picture into a folder; each file is whole or not there.
+    Write overlay, CSV and JSON of a picture into a folder; each file complete or not at all.
 
     Raises
     ------
@@ -30,15 +30,15 @@ def write(folder: Path, room: Path, picture: Picture, pixels: np.ndarray, arcs: 
         A file cannot be written.
 
     """
-    drawn = overlay.draw(pixels, arcs, settings.node.line_width)
+    drawn = overlay.draw(pixels, arcs, options.node.line_width)
     contents = (cv2.imencode('.png', drawn)[1].tobytes(), table(arcs).encode(),
-                description(picture, pixels.shape[:2], arcs, lens, settings).encode())
+                description(picture, pixels.shape[:2], arcs, lens, options).encode())
     for suffix, content in zip(SUFFIXES, contents):
         write_whole(folder, picture.name + suffix, content, room)
 
 
 def table(arcs: Arcs) -> str:
-    """Return the arcs as CSV: a header, then a row an arc; start becomes start_x, start_y."""
+    """Return the arcs as CSV: a header, then one row per arc; start becomes start_x, start_y."""
     columns = {name: column.tolist() for name, column in arcs.columns().items()}
     text = io.StringIO()
     writer = csv.writer(text, lineterminator='\n')
@@ -48,27 +48,36 @@ def table(arcs: Arcs) -> str:
 
 
 def description(picture: Picture, shape: tuple[int, int], arcs: Arcs,
-                lens: dict[str, Any] | None, settings: Settings) -> str:
+                lens: dict[str, Any] | None, options: Options) -> str:
     """Return a picture of a shape (height, width), its lens, parameters and arcs as JSON."""
-    names = arcs.table.dtype.names
-    # What is not known is nan in a table, null in JSON.
-    columns = [np.where(np.isnan(arcs.table[name]), None, arcs.table[name]).tolist()
-               for name in names]
-    polylines = arcs.polylines(settings.node.polyline_tolerance)
+    names = arcs.table.dtype.names or ()
+    columns = [_without_nan(arcs.table[name]).tolist() for name in names]
+    polylines = arcs.polylines(options.node.polyline_tolerance)
     return json.dumps({
         'image': str(picture.path),
         'frame': picture.frame,
         'width': shape[1],
         'height': shape[0],
-        'parameters': settings.values(),
+        'parameters': options.values(),
         'lens': lens,
         'arcs': [dict(zip(names, row)) | {'points': points.tolist()}
                  for *row, points in zip(*columns, polylines)],
     })
 
 
+def _without_nan(column: np.ndarray) -> np.ndarray:
+    """Return a column with None, null in JSON, for nan: a value that is unknown."""
+    values = column.astype(object)
+    values[np.isnan(column)] = None
+    return values
+
+
 def lens(model: DivisionModel | None, estimate: LensEstimate | None) -> dict[str, Any] | None:
-    """Return a lens for JSON, null for what only an estimate has; None where none is known."""
+    """
+    Return a lens for JSON, or None where it is unknown.
+
+    Deviation, agreeing arcs and their share are null for a lens that was not estimated.
+    """
     if model is None:
         return None
     known = {'lambda': model.lam, 'centre': model.origin.tolist()}

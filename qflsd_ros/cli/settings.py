@@ -1,4 +1,4 @@
-"""What can be set of the command, from its flags and from parameter files of the node."""
+"""Parameters of the command ``detect``, from its flags and from parameter files of the node."""
 from __future__ import annotations
 
 import argparse
@@ -12,37 +12,38 @@ from qflsd_ros.core import Parameters
 from qflsd_ros.ros.input.region import read_mask
 from qflsd_ros.ros.parameters import file, origin
 from qflsd_ros.ros.parameters.file import FileError
-from qflsd_ros.ros.parameters.node_parameters import check_together, Settings as NodeSettings
+from qflsd_ros.ros.parameters.node_parameters import check_together, Settings
 from qflsd_ros.sources.frames import SourceError
 
 NODE = '/detector'
-# What the node alone has a use for: topics, messages, diagnostics, and what ROS adds itself.
+# Parameters of the node without effect here: they are about topics, messages and diagnostics.
 IDLE = ('image_transport', 'max_pixels', 'marker_colour', 'metres_per_pixel', 'focal_length',
         'max_age', 'hardware_id')
+# Parameters that rclpy declares for every node.
 OF_ROS = ('use_sim_time', 'start_type_description_service', 'qos_overrides')
-FIELDS = {field.name: field for kind in (Parameters, NodeSettings)
+FIELDS = {field.name: field for kind in (Parameters, Settings)
           for field in dataclasses.fields(kind)}
 NAME = re.compile(r'(/[A-Za-z_]\w*)+')  # of a node, with its namespaces
 
 
 class SettingsError(Exception):
-    """A parameter that cannot be used; the text names it and what would be right."""
+    """A parameter or argument has an invalid value; the text names both and the valid values."""
 
 
-class Settings(NamedTuple):
-    """Parameters of the detector, and those of the node around it."""
+class Options(NamedTuple):
+    """Parameters of the detector, and those of the node that affect its results."""
 
     detector: Parameters
-    node: NodeSettings
+    node: Settings
 
     def values(self) -> dict[str, Any]:
-        """Return all that counts here, by name."""
+        """Return the values of all parameters that have an effect here, by name."""
         both = dataclasses.asdict(self.detector) | dataclasses.asdict(self.node)
         return {name: value for name, value in both.items() if name not in IDLE}
 
 
 def add_flags(parser: argparse.ArgumentParser) -> None:
-    """Add a flag for every parameter that counts here, called like it."""
+    """Add a flag for every parameter that has an effect here, with the name of the parameter."""
     group = parser.add_argument_group('parameters')
     for name, field in FIELDS.items():
         if name in IDLE:
@@ -57,44 +58,48 @@ def add_flags(parser: argparse.ArgumentParser) -> None:
 
 
 def truth(text: str) -> bool:
-    """Return the value of a flag that is true or false; ValueError where it is neither."""
+    """Return the value of a flag that is true or false; raise ValueError for any other text."""
     if text not in ('true', 'false'):
         raise ValueError
     return text == 'true'
 
 
-def read(arguments: argparse.Namespace, tell: Callable[[str], None]) -> Settings:
+def read(arguments: argparse.Namespace, tell: Callable[[str], None]) -> Options:
     """
-    Return the settings: defaults, then those of the file ``params``, then those of the flags.
+    Return the parameters: flags override the file ``params``, which overrides the defaults.
 
-    ``tell`` is called with a line on everything in the file that has no effect.
+    ``tell`` is called with a line of text for each parameter in the file that has no effect.
 
     Raises
     ------
     SettingsError
-        The file cannot be read, a value cannot be used, or two contradict each other.
+        The file cannot be read, a value is invalid, or two values contradict each other.
 
     """
     values = _from_file(arguments.params, arguments.node, tell) if arguments.params else {}
     values |= {name: value for name, value in vars(arguments).items() if name in FIELDS}
     try:
-        settings = Settings(*(kind(**{field.name: values[field.name]
-                                      for field in dataclasses.fields(kind)
-                                      if field.name in values})
-                              for kind in (Parameters, NodeSettings)))
-        check_together(*settings)
-        if settings.node.mask:
-            read_mask(settings.node.mask)
+        options = Options(Parameters(**_of(Parameters, values)),
+                          Settings(**_of(Settings, values)))
+        check_together(*options)
+        if options.node.mask:
+            read_mask(options.node.mask)
     except SourceError as error:
         raise SettingsError(f'mask {error}') from error
     except (TypeError, ValueError) as error:
         place = origin.origin(str(error), ['--params-file', str(arguments.params)])
         raise SettingsError(f'{error}{place}') from error
-    return settings
+    return options
+
+
+def _of(kind: type[Parameters] | type[Settings], values: dict[str, Any]) -> dict[str, Any]:
+    """Return those values that are fields of a dataclass."""
+    return {field.name: values[field.name] for field in dataclasses.fields(kind)
+            if field.name in values}
 
 
 def _from_file(path: Path, node: str, tell: Callable[[str], None]) -> dict[str, Any]:
-    """Return what a ROS parameter file says of a node."""
+    """Return the parameters of a node in a ROS parameter file, by name."""
     if not NAME.fullmatch(node):
         raise SettingsError(f'--node is {node!r}: must be the full name of a node, as '
                             '/left/detector')
@@ -108,7 +113,7 @@ def _from_file(path: Path, node: str, tell: Callable[[str], None]) -> dict[str, 
         return {}
     idle = [name for name, value in found.values.items() if _is_idle(name, value)]
     if idle:
-        tell(f'{path}: of no effect here: {", ".join(idle)}')
+        tell(f'{path}: parameters without effect here: {", ".join(idle)}')
     for name in found.values:
         if name not in FIELDS and name not in idle:
             near = difflib.get_close_matches(name, FIELDS, 1, 0.5)
@@ -119,7 +124,7 @@ def _from_file(path: Path, node: str, tell: Callable[[str], None]) -> dict[str, 
 
 
 def _is_idle(name: str, value: Any) -> bool:
-    """Tell whether a parameter of the node is set to something and has no effect here."""
+    """Tell whether a parameter differs from its default although it has no effect here."""
     if name in IDLE:
         return bool(value != FIELDS[name].default)
     return name.split('.')[0] in OF_ROS

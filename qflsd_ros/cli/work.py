@@ -1,4 +1,4 @@
-"""What ``detect`` does with one picture: its arcs, and their files."""
+"""The work of ``detect`` on one picture: detect its arcs and write their files."""
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from qflsd_ros import records
 from qflsd_ros.cli import results
 from qflsd_ros.cli.inputs import Picture
 from qflsd_ros.cli.recordings import Cloud
-from qflsd_ros.cli.settings import Settings
+from qflsd_ros.cli.settings import Options
 from qflsd_ros.core import Arcs, Detector, with_straightness
 from qflsd_ros.core.lens import estimation
 from qflsd_ros.ros.finding import find
@@ -22,16 +22,16 @@ from qflsd_ros.sources.frames import FrameError, SourceError
 
 class Found(NamedTuple):
     """
-    What was found in a picture.
+    The arcs of a picture.
 
     Attributes
     ----------
     pixels
         (H, W, 3) B, G, R or (H, W) grey, uint8.
     arcs
-        With their column ``straight``.
+        The arcs, with their column ``straight``.
     lens
-        What JSON says of the lens; None where it is not known.
+        The lens as in the JSON file; None where it is unknown.
     seconds
         CPU time of the detection.
 
@@ -46,9 +46,9 @@ class Found(NamedTuple):
 @dataclass(frozen=True)
 class Outcome:
     """
-    What came of one picture: arcs and CPU time (s) of their detection, or what went wrong.
+    The outcome for one picture: number of arcs and CPU time (s) of detection, or an error.
 
-    Of a recorded image, the segments as well.
+    ``cloud`` holds the segments of an image from a bag; None for any other.
     """
 
     arcs: int = 0
@@ -58,7 +58,7 @@ class Outcome:
 
 
 class Task(NamedTuple):
-    """A picture, and what was found in it or went wrong, where that is known already."""
+    """A picture, with its arcs or its error where detection has been done already."""
 
     picture: Picture
     found: Found | Outcome | None = None
@@ -67,25 +67,29 @@ class Task(NamedTuple):
 class Work:
     """Detects arcs in pictures and writes their results."""
 
-    def __init__(self, settings: Settings, folder: Path, room: Path) -> None:
-        """Take the folder of the results and a private room in it; make the detector ready."""
-        self._settings, self._folder, self._room = settings, folder, room
-        self._detector = Detector(settings.detector)
+    def __init__(self, options: Options, folder: Path, room: Path) -> None:
+        """
+        Load the kernels of the detector, or compile them.
+
+        ``folder`` is the folder of the results, ``room`` a private folder in it.
+        """
+        self._options, self._folder, self._room = options, folder, room
+        self._detector = Detector(options.detector)
         self._detector.warm_up()
         estimation.warm_up()
 
     def found(self, picture: Picture, camera: CameraLens) -> Found | Outcome:
-        """Return what is found in the next picture of a camera, or what went wrong."""
+        """Return the arcs of the next picture of a camera, or the error."""
         try:
             return self._find(picture, camera)
         except SourceError as error:
             return Outcome(error=str(error))
-        except FrameError as error:     # which does not name the file
+        except FrameError as error:     # its text does not name the file
             number = '' if picture.frame is None else f' image {picture.frame}:'
             return Outcome(error=f'{str(picture.path)!r}:{number} {error}')
 
     def _find(self, picture: Picture, camera: CameraLens) -> Found:
-        settings = self._settings.node
+        settings = self._options.node
         pixels = picture.read(settings.white_level or None)
         gray = pixels if pixels.ndim == 2 else cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY)
         begin = time.process_time()
@@ -95,14 +99,14 @@ class Work:
         return Found(pixels, with_straightness(arcs, model), lens, seconds)
 
     def __call__(self, task: Task) -> Outcome:
-        """Write the results of a picture; one without findings is for itself alone."""
+        """Write the results of a picture; detect its arcs first where that is not done yet."""
         picture, found = task
         try:
             found = found or self.found(picture, CameraLens())
             if isinstance(found, Outcome):
                 return found
             results.write(self._folder, self._room, picture, found.pixels, found.arcs, found.lens,
-                          self._settings)
+                          self._options)
         except OSError as error:
             return Outcome(error=f'results of {picture.name!r} cannot be written: {error}')
         return Outcome(len(found.arcs), found.seconds, cloud=self._cloud(picture, found.arcs))
@@ -111,5 +115,5 @@ class Work:
         if picture.moment is None:
             return None
         bag = picture.name.rpartition('/')[0]
-        tolerance = self._settings.node.polyline_tolerance
+        tolerance = self._options.node.polyline_tolerance
         return Cloud(bag, picture.moment, records.of_segments(arcs, tolerance))

@@ -1,8 +1,8 @@
 """
-Processes that work on one task after the other, and of which each may die.
+Worker processes: each takes one task after the other, and the loss of one costs only its task.
 
-Every process has a pipe of its own: it ends when that is closed, so none outlives whoever started
-it; and when it is killed, the one task that it had is known.
+Each process has a pipe of its own. It ends when the pipe is closed, so it does not outlive its
+parent; and the parent knows which task a killed process had.
 """
 from __future__ import annotations
 
@@ -15,16 +15,22 @@ from typing import Any, Callable, Generic, Iterable, Iterator, TypeVar
 
 from qflsd_ros.cli.interruption import held
 
-Task, Result = TypeVar('Task'), TypeVar('Result')
-SPAWN = multiprocessing.get_context('spawn')    # a fork would share OpenCV's threads
+Task = TypeVar('Task')
+Result = TypeVar('Result')
+SPAWN = multiprocessing.get_context('spawn')    # OpenCV's threads do not survive a fork
 
 
 class Workers(Generic[Task, Result]):
-    """Some processes; a context manager that leaves none of them behind."""
+    """A fixed number of worker processes; a context manager that ends them on leaving."""
 
     def __init__(self, count: int, make: Callable[..., Callable[[Task], Result]],
                  *arguments: Any) -> None:
-        """Start ``count`` processes when needed; each calls ``make`` for what does its work."""
+        """
+        Start up to ``count`` processes as tasks arrive.
+
+        Each process calls ``make(*arguments)`` once, and the function that this returns with
+        every task.
+        """
         self._count, self._make, self._arguments = count, make, arguments
         self._processes: dict[Connection, BaseProcess] = {}
         self._tasks: dict[Connection, Task] = {}
@@ -34,7 +40,7 @@ class Workers(Generic[Task, Result]):
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        """End the processes: at once where an exception has come, else after their last task."""
+        """End the processes: at once after an exception, else after their last task."""
         with held():
             for connection, process in self._processes.items():
                 if kind is not None:
@@ -44,8 +50,8 @@ class Workers(Generic[Task, Result]):
                 process.join()
 
     def run(self, tasks: Iterable[Task]) -> Iterator[tuple[Task, Result | None]]:
-        """Yield every task, as it is done, with its result; None where its process has died."""
-        for task in tasks:      # one at a time: frames of a video must not pile up
+        """Yield each finished task with its result, or None where its process was killed."""
+        for task in tasks:      # one at a time, so that the frames of a video need little memory
             self._give(task)
             if len(self._tasks) == self._count:
                 yield from self._done()
@@ -53,11 +59,11 @@ class Workers(Generic[Task, Result]):
             yield from self._done()
 
     def _give(self, task: Task) -> None:
-        """Send a task to a process that has none."""
+        """Send a task to an idle process, or to a new one."""
         idle = [connection for connection in self._processes if connection not in self._tasks]
         connection = idle[0] if idle else self._start()
         self._tasks[connection] = task
-        with suppress(OSError):     # it died while it was idle; its end of the pipe says so
+        with suppress(OSError):     # the process was killed while idle: _done sees its closed pipe
             connection.send(task)
 
     def _start(self) -> Connection:
@@ -71,7 +77,7 @@ class Workers(Generic[Task, Result]):
         return ours
 
     def _done(self) -> Iterator[tuple[Task, Result | None]]:
-        """Wait until some tasks are done, and yield them."""
+        """Wait until one task or more are finished, and yield them."""
         for connection in wait(list(self._tasks)):
             assert isinstance(connection, Connection)
             try:
@@ -87,6 +93,6 @@ def _serve(connection: Connection, make: Callable[..., Callable[[Any], Any]],
            arguments: tuple[Any, ...]) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     work = make(*arguments)
-    with suppress(EOFError, OSError):   # whoever started this has ended or wants no more
+    with suppress(EOFError, OSError):   # the parent has ended or has closed the pipe
         while True:
             connection.send(work(connection.recv()))

@@ -1,8 +1,8 @@
 """
-Files that are whole or not there, in folders that others may write into, too.
+Files that are written completely or not at all, also in folders that other users may write to.
 
-What is not whole yet lies in a private folder of a random name, which nobody else can plant
-anything in, and which goes in the end with whatever has been left there.
+An unfinished file lies in a private folder with a random name, where no other user can place
+links or files. The folder is removed at the end, with everything that is left in it.
 """
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from qflsd_ros.cli.interruption import held
 
 @contextmanager
 def private_room(folder: Path) -> Iterator[Path]:
-    """Give a private folder within another one, for as long as it takes; OSError if it cannot."""
+    """Create a private folder in another one and remove it afterwards; OSError if it cannot."""
     room = None
     try:
         with held():
@@ -33,17 +33,17 @@ def private_room(folder: Path) -> Iterator[Path]:
 
 def write_whole(folder: Path, name: str, content: bytes, room: Path) -> None:
     """
-    Write a file so that nobody ever sees half of it.
+    Write a file under a temporary name, then rename it, so that it is never seen incomplete.
 
     Parameters
     ----------
     folder
-        Where it goes.
+        Folder of the file.
     name
-        Of the file in that folder, or ``FOLDER/FILE``; links that lie there are not followed but
-        replaced.
+        Name of the file in that folder, or ``FOLDER/FILE``. A link at this place is replaced, not
+        followed.
     content
-        All of it.
+        Content of the file.
     room
         A :func:`private_room` in the folder.
 
@@ -64,7 +64,7 @@ def write_whole(folder: Path, name: str, content: bytes, room: Path) -> None:
 
 
 def publish(whole: Path, folder: Path, name: str) -> None:
-    """Give a file or folder its place at once; ``folder`` and ``name`` as of write_whole."""
+    """Move a complete file or folder to its place; ``folder`` and ``name`` as in write_whole."""
     above, _, last = name.rpartition('/')
     with _opened(folder, 0) as place:
         if not above:

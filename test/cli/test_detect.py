@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 from qflsd_ros import overlay
 from qflsd_ros.cli.detect import main
-from qflsd_ros.cli.settings import Settings
+from qflsd_ros.cli.settings import Options
 from qflsd_ros.core import Arcs, Detector, Parameters
-from qflsd_ros.ros.parameters.node_parameters import Settings as NodeSettings
+from qflsd_ros.ros.parameters.node_parameters import Settings
 from qflsd_ros.sources import Scene
 
 
@@ -133,7 +133,7 @@ def check_json(path: Path, arcs: Arcs, parameters: Parameters) -> None:
     found = json.loads(path.read_text())
     assert found['image'].endswith(path.with_suffix('.png').name) and found['frame'] is None
     assert (found['width'], found['height']) == (200, 150)
-    assert found['parameters'] == Settings(parameters, NodeSettings()).values()
+    assert found['parameters'] == Options(parameters, Settings()).values()
     assert [arc['length'] for arc in found['arcs']] == arcs.table['length'].tolist()
     assert [arc['points'] for arc in found['arcs']] == [
         points.tolist() for points in arcs.polylines()]

@@ -104,7 +104,8 @@ def test_an_end_is_one_line_and_leaves_nothing(
     os.kill(process.pid, number)
     _, stderr = process.communicate(timeout=30)
     assert process.returncode == 128 + number
-    assert stderr == f'detect: interrupted by {number.name}; what is written is whole\n'
+    assert stderr == (f'detect: interrupted by {number.name}; all files written so far are '
+                      'complete\n')
     poll(lambda: not group(process.pid), 10)
     assert not hidden(output)
 
@@ -116,7 +117,7 @@ def test_ctrl_c_reaches_all_and_is_one_line(
     os.killpg(process.pid, signal.SIGINT)
     _, stderr = process.communicate(timeout=30)
     assert process.returncode == 130
-    assert stderr == 'detect: interrupted by SIGINT; what is written is whole\n'
+    assert stderr == 'detect: interrupted by SIGINT; all files written so far are complete\n'
     poll(lambda: not group(process.pid), 10)
 
 

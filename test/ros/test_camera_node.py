@@ -66,6 +66,7 @@ def test_yaml_lists_every_parameter_with_its_default():
     assert (ROOT / 'config' / 'camera.yaml').read_text() == text
 
 
+@pytest.mark.alone
 @pytest.mark.parametrize('reliability', [BEST_EFFORT, RELIABLE])
 def test_scene_at_its_rate_for_both_kinds_of_subscription(peer, reliability):
     camera = start(peer, 'rate:=20.0', 'width:=160', 'height:=120', 'seed:=3', 'frame_id:=eye')
@@ -90,6 +91,7 @@ def cpu_time(process: Process) -> float:
     return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
 
 
+@pytest.mark.alone
 def test_scene_stands_still_while_nobody_looks(peer):
     """Without a subscriber it uses no CPU; later it resumes at its rate, with new stamps."""
     camera = start(peer, 'rate:=30.0', 'width:=320', 'height:=240')
@@ -132,6 +134,7 @@ def test_bag_keeps_its_messages_and_loops(peer, tmp_path, storage):
         assert image.header.frame_id == 'recorded'
 
 
+@pytest.mark.alone
 def test_bag_is_played_at_its_own_pace_times_speed(peer, tmp_path):
     bag = write_bag(tmp_path / 'bag', StoragePlugin.MCAP, 200)
     start(peer, f'source:={bag}', 'speed:=0.5')
@@ -183,6 +186,7 @@ def test_signals_end_it_with_exit_code_0(peer, number):
     assert 'Traceback' not in camera.output
 
 
+@pytest.mark.alone
 def test_nothing_is_lost_by_a_best_effort_subscription_of_depth_1(peer):
     """Images of 300 KB at 30 Hz, with the profile that enlarges the shared memory."""
     profile = {'FASTRTPS_DEFAULT_PROFILES_FILE': str(ROOT / 'config' / 'fastdds.xml')}

@@ -315,6 +315,7 @@ def test_simulated_time_that_jumps_back(peer: Peer) -> None:
     assert all(answer.header.stamp.sec == 10 for answer in rig.received['segments'])
 
 
+@pytest.mark.alone
 def test_the_newest_frame_wins_and_the_others_are_counted(peer: Peer) -> None:
     rig = Rig(peer, '-p', 'method:=paper').ready()
     random = np.random.default_rng(0)
@@ -336,6 +337,7 @@ def test_the_newest_frame_wins_and_the_others_are_counted(peer: Peer) -> None:
                == big.header.stamp.sec)
 
 
+@pytest.mark.alone
 def test_parameter_services_answer_while_4k_frames_are_worked_on(peer: Peer) -> None:
     """The median answer takes less than 0.5 s, although the node is never idle."""
     profile = {'FASTRTPS_DEFAULT_PROFILES_FILE': str(ROOT / 'config' / 'fastdds.xml')}

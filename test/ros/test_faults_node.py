@@ -81,6 +81,7 @@ def test_frames_that_change_size_and_encoding_from_one_to_the_next(rig: Rig) -> 
     account(rig)
 
 
+@pytest.mark.alone
 def test_a_storm_of_parameters(rig: Rig) -> None:
     """Each of 200 changes in a second is answered, the last one applies, detection goes on."""
     rig.settle()
@@ -120,6 +121,7 @@ def test_listeners_that_come_and_go_a_hundred_times(rig: Rig) -> None:
     peer.node.destroy_subscription(listener)
 
 
+@pytest.mark.alone
 def test_a_detector_that_is_stopped_for_a_while(rig: Rig) -> None:
     """The detector continues with the newest frame, and counts the missed ones."""
     rig.settle()
@@ -149,6 +151,7 @@ def test_two_cameras_on_one_topic(rig: Rig) -> None:
     assert values(rig.report('frames lost'))['frames lost'] == lost
 
 
+@pytest.mark.alone
 def test_another_camera_takes_over(rig: Rig) -> None:
     """The numbers of one camera do not count as losses of the other."""
     rig.settle()

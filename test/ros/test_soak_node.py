@@ -13,6 +13,7 @@ import time
 from typing import NamedTuple, TYPE_CHECKING
 
 import numpy as np
+import pytest
 from qflsd_ros.sources import Scene
 from rig import image, Rig, values
 
@@ -66,6 +67,7 @@ def watch(rig: Rig, seconds: float) -> list[Sample]:
     return samples
 
 
+@pytest.mark.alone
 def test_soak(peer: Peer) -> None:
     rig = Rig(peer, lens='estimate').ready()
     rig.settle()

@@ -45,6 +45,7 @@ def test_diagnostics_say_how_far_it_is(peer: Peer) -> None:
     assert rig.camera.get_subscription_count() == 0
 
 
+@pytest.mark.alone
 @pytest.mark.parametrize('pause', [0.0, 0.5, 3.0])
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize('node', ['camera', 'detector'])
