@@ -18,7 +18,7 @@ from benchmark.experiment import Effort, Experiment, QUICK
 from benchmark.experiments import (
     ablation, accuracy, degraded, exactness, growth, lens, memory, node, overhead, paper_tables,
     plates, repeatability, robustness, sameness, speed, stages)
-from benchmark.experiments.rendered import write
+from benchmark.scenes.rendered import write
 from tqdm import tqdm
 
 # In the order of the report.

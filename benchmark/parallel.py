@@ -8,7 +8,7 @@ from typing import TypeVar
 
 from tqdm import tqdm
 
-PRELOADED = ['benchmark.metrics', 'benchmark.peers', 'benchmark.experiments.rendered']
+PRELOADED = ['benchmark.metrics', 'benchmark.peers', 'benchmark.scenes.rendered']
 Task = TypeVar('Task')
 Result = TypeVar('Result')
 

@@ -3,20 +3,20 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from benchmark import scenes
 from benchmark.experiment import Experiment
-from benchmark.experiments.rendered import FIELD
-from benchmark.lenses import EquidistantLens, Lens
 from benchmark.metrics import Comparison, sample
 from benchmark.parallel import each
 from benchmark.peers import load
 from benchmark.report import number, section, table
+from benchmark.scenes import planes
+from benchmark.scenes.lenses import EquidistantLens, Lens
+from benchmark.scenes.rendered import FIELD
 from qflsd_ros.core import DivisionModel
 
 NOISE = 2.0                         # grey levels
 LAMBDAS = 0.0, -0.1, -0.25, -0.5
 TOLERANCE, MIN_TRUTH = 1.5, 20.0    # px
-SCENES = {'board': scenes.board, 'bars': scenes.bars}
+SCENES = {'board': planes.board, 'bars': planes.bars}
 
 
 class Task(NamedTuple):
@@ -31,7 +31,7 @@ class Task(NamedTuple):
 def rows(task: Task) -> list[tuple[object, ...]]:
     """Return a row of the table for every detector."""
     scene = SCENES[task.scene](task.model)
-    gray, truth = scenes.render(scene, task.model, NOISE), scenes.lines(scene, task.model)
+    gray, truth = planes.render(scene, task.model, NOISE), planes.lines(scene, task.model)
     result = []
     for name in task.names:
         peer = load(name)

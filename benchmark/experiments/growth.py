@@ -1,11 +1,12 @@
 """How time grows with the number of pixels and of edge pixels, from 640x480 to 3840x2160."""
 from __future__ import annotations
 
-from benchmark import plots, scenes, timing
+from benchmark import plots, timing
 from benchmark.experiment import Experiment
-from benchmark.experiments.rendered import room
 from benchmark.peers import EDLINES, FLOOR, LSD, OURS, TITLES
 from benchmark.report import number, picture, section, significant, table
+from benchmark.scenes import planes
+from benchmark.scenes.rendered import room
 import cv2
 import numpy as np
 from qflsd_ros.core import DivisionModel
@@ -27,7 +28,7 @@ def tiled(size: tuple[int, int]) -> np.ndarray:
 def bars(cell: float, shape: tuple[int, int]) -> np.ndarray:
     """Return bars: the smaller the cell, the more edge pixels there are in the same image."""
     lens = DivisionModel(LAM, shape)
-    return scenes.render(scenes.bars(lens, cell), lens, 2.0)
+    return planes.render(planes.bars(lens, cell), lens, 2.0)
 
 
 def edge_pixels(gray: np.ndarray) -> int:

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 from benchmark.experiment import Experiment
 from benchmark.experiments import known_lens
-from benchmark.experiments.rendered import room, TURN
 from benchmark.report import number, section, significant, table
+from benchmark.scenes.rendered import room, TURN
 from benchmark.timing import run
 import numpy as np
 from qflsd_ros.core import Detector, DivisionModel, estimate_distortion

@@ -10,8 +10,8 @@ import time
 
 from benchmark import plots
 from benchmark.experiment import Experiment
-from benchmark.experiments.rendered import room
 from benchmark.report import number, picture, ROOT, section, table
+from benchmark.scenes.rendered import room
 from benchmark.timing import run
 import cv2
 import numpy as np

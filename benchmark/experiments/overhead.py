@@ -13,8 +13,8 @@ import time
 
 from benchmark.experiment import Experiment
 from benchmark.experiments.node import message, PATIENCE
-from benchmark.experiments.rendered import room
 from benchmark.report import number, ROOT, section, table
+from benchmark.scenes.rendered import room
 from benchmark.timing import run
 from diagnostic_msgs.msg import DiagnosticArray
 import numpy as np

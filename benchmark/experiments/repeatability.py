@@ -4,13 +4,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import NamedTuple
 
-from benchmark import scenes
 from benchmark.datasets import read_gray
 from benchmark.experiment import Experiment
 from benchmark.metrics import Comparison, Counts, sample
 from benchmark.parallel import each
 from benchmark.peers import load
 from benchmark.report import number, section, table
+from benchmark.scenes import planes
 import numpy as np
 from qflsd_ros.core import DivisionModel
 from qflsd_ros.sources.files import IMAGE_SUFFIXES
@@ -48,8 +48,8 @@ def frames(task: Task) -> list[np.ndarray]:
     """Return the frames of a folder in order of their names, or those of a still scene."""
     if task.sequence == RENDERED:
         lens = DivisionModel(-0.25, task.shape)
-        scene = scenes.bars(lens)
-        clean = scenes.render(scene, lens).astype(float)
+        scene = planes.bars(lens)
+        clean = planes.render(scene, lens).astype(float)
         random = np.random.default_rng(0)
         return [np.clip(np.rint(clean + random.normal(0, NOISE, clean.shape)), 0, 255).astype(
             np.uint8) for _ in range(task.frames)]

@@ -6,11 +6,11 @@ from typing import NamedTuple
 
 from benchmark import plots
 from benchmark.experiment import Experiment
-from benchmark.experiments.rendered import room, TURN
 from benchmark.metrics import Comparison, Counts, sample
 from benchmark.parallel import each
 from benchmark.peers import EDLINES, load, LSD, OURS, TITLES
 from benchmark.report import number, picture, section, table
+from benchmark.scenes.rendered import room, TURN
 import cv2
 import numpy as np
 

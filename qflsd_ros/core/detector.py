@@ -1,6 +1,7 @@
 """Image to arcs: Steps 1 to 6 of the paper in order."""
 from __future__ import annotations
 
+from collections.abc import Callable
 import math
 
 import numpy as np
@@ -28,14 +29,22 @@ class Detector:
     """
     Finds the pictures of straight edges, seen through any lens, as circular arcs.
 
-    A detector keeps its memory from frame to frame: use one for each thread.  Its attribute
-    ``parameters`` may be replaced between two frames.
+    A detector keeps its memory from frame to frame: use one for each thread.
+
+    Attributes
+    ----------
+    parameters
+        May be replaced between two frames.
+    on_stage
+        Called with the name of each stage of method arcs when that stage ends, for measurements;
+        None (the default) for no calls.
 
     """
 
     def __init__(self, parameters: Parameters | None = None) -> None:
         """Take parameters (None: the defaults); nothing is compiled yet, see :meth:`warm_up`."""
         self.parameters = Parameters() if parameters is None else parameters
+        self.on_stage: Callable[[str], None] | None = None
         self._memory = _Memory(0, 0)
 
     def warm_up(self) -> None:
@@ -92,6 +101,7 @@ class Detector:
         shortest = noise.shortest(SHORTEST, grain)
         blur_sigma = noise.blur(self.parameters.blur_sigma, grain)
         grain = noise.of_gradient(grain, blur_sigma)
+        self._ended('noise')
         count, clear = self._find_chains(gray, where, blur_sigma, grain, shortest)
         return self._assemble(self._extract(count, shortest, lens), where, shortest, grain, clear,
                               lens)
@@ -101,6 +111,7 @@ class Detector:
         """Leave the chains in memory; return their number and a clear contrast (Step 1)."""
         memory = self._memory
         edges.gradients(gray, blur_sigma, memory.blurred, memory.dx, memory.dy)
+        self._ended('gradients')
         # Only now: what is read line by line has the image in the cache by then.
         strength = thresholds.estimate(gray, where)
         scale = thresholds.scale(strength, grain, self.parameters.contrast_high)
@@ -110,10 +121,12 @@ class Detector:
                                   memory.edges))
         if where.masked:
             np.multiply(memory.edges, where.seen, memory.edges)
+        self._ended('edges')
         count = chains.trace(dx, dy, memory.flat, memory.words, memory.steps, shortest,
                              memory.pixels, memory.offsets)
         edges.locate(dx, dy, gray.shape[1], memory.pixels, memory.offsets[count],
                      memory.points)
+        self._ended('chains')
         return count, high
 
     def _extract(self, chain_count: int, shortest: int,
@@ -124,8 +137,10 @@ class Detector:
                                    self.parameters.tolerance, SIGNIFICANCE, self._sharpest(),
                                    NO_LENS if lens is None else lens.in_pixels,
                                    lens is not None, memory.todo, memory.runs, memory.fits)
-        return joining.describe(memory.points, memory.runs[:count], memory.fits[:count],
-                                memory.joining)
+        pieces = joining.describe(memory.points, memory.runs[:count], memory.fits[:count],
+                                  memory.joining)
+        self._ended('extraction')
+        return pieces
 
     def _assemble(self, pieces: joining.Pieces, where: Region, shortest: int, grain: float,
                   clear: float, lens: DivisionModel | None) -> Arcs:
@@ -134,10 +149,18 @@ class Detector:
         joined = joining.join(pieces, memory.joining, memory.dx, memory.dy, where,
                               SEED * shortest, parameters.max_gap, parameters.tolerance,
                               SIGNIFICANCE, self._sharpest(), lens)
+        self._ended('joining')
         evidence = Evidence(memory.points, memory.dx, memory.dy, clear, grain, where)
-        return assembly.assemble(pieces, joined, evidence, memory.pixels, parameters.tolerance,
+        arcs = assembly.assemble(pieces, joined, evidence, memory.pixels, parameters.tolerance,
                                  parameters.min_length, parameters.min_score,
                                  parameters.min_distance)
+        self._ended('assembly')
+        return arcs
+
+    def _ended(self, stage: str) -> None:
+        """Report the end of a stage to whoever measures."""
+        if self.on_stage is not None:
+            self.on_stage(stage)
 
     def _sharpest(self) -> float:
         """

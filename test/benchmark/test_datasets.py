@@ -5,7 +5,7 @@ import json
 from pathlib import Path
 
 from benchmark.datasets import Dataset, DatasetError, lens_of, View
-from benchmark.experiments import rendered
+from benchmark.scenes import rendered
 import numpy as np
 import pytest
 

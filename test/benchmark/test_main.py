@@ -7,7 +7,7 @@ import sys
 
 from benchmark import peers, quote
 from benchmark.__main__ import main
-from benchmark.experiments import rendered
+from benchmark.scenes import rendered
 import pytest
 
 LARGEST = 2_000_000     # bytes of all figures

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 import math
 
-from benchmark.lenses import Lens
+from benchmark.scenes.lenses import Lens
 import cv2
 import numpy as np
 

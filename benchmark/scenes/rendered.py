@@ -9,9 +9,9 @@ import json
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from benchmark import scenes
 from benchmark.datasets import Dataset, MANIFEST
-from benchmark.lenses import EquidistantLens, Lens
+from benchmark.scenes import planes
+from benchmark.scenes.lenses import EquidistantLens, Lens
 import cv2
 import numpy as np
 from qflsd_ros.core import DivisionModel
@@ -45,9 +45,9 @@ def room(number: int, lam: float, shape: tuple[int, int], noise: float = NOISE) 
 
 
 def plane(make: Any, lens: Lens, model: dict[str, Any] | None, noise: float = NOISE) -> Picture:
-    """Return :func:`scenes.board` or :func:`scenes.bars` through a lens."""
+    """Return :func:`planes.board` or :func:`planes.bars` through a lens."""
     scene = make(lens)
-    return Picture(scene.name, scenes.render(scene, lens, noise), scenes.lines(scene, lens), model)
+    return Picture(scene.name, planes.render(scene, lens, noise), planes.lines(scene, lens), model)
 
 
 def write(folder: Path, shape: tuple[int, int], per_lens: int) -> Dataset:
@@ -60,7 +60,7 @@ def write(folder: Path, shape: tuple[int, int], per_lens: int) -> Dataset:
         lens, model = DivisionModel(lam, shape), _division(lam)
         if level == 'fisheye':
             lens, model = EquidistantLens(FIELD, shape), {'model': 'equidistant', 'field': FIELD}
-        pictures += [plane(make, lens, model) for make in (scenes.board, scenes.bars)]
+        pictures += [plane(make, lens, model) for make in (planes.board, planes.bars)]
         for picture in pictures:
             entries.append(_save(folder, level, picture))
             bar.update()
