@@ -33,6 +33,14 @@ def test_one_command_writes_the_report(tmp_path: Path, monkeypatch: pytest.Monke
     assert len(list((output / 'photographs').iterdir())) == 3
 
 
+def test_some_experiments_have_a_report_of_their_own(tmp_path: Path) -> None:
+    """A partial report does not replace that of a run of all experiments."""
+    (tmp_path / 'RESULTS.md').write_text('all')
+    assert main(['--only', 'stages', '--quick', '--output', str(tmp_path)]) == 0
+    assert (tmp_path / 'RESULTS.md').read_text() == 'all'
+    assert '\n## Cost of each stage' in (tmp_path / 'partial.md').read_text()
+
+
 @pytest.mark.parametrize(('arguments', 'message'), [
     (['--data', 'nowhere'], 'nowhere/manifest.json'), (['--sequence', 'nowhere'], 'nowhere'),
     (['--peer', 'nonsense'], "'nonsense' is no detector")])
