@@ -106,7 +106,8 @@ def change(constant: Constant, factor: float) -> set[Name]:
     """
     Scale a constant in this process, and all that the core derives from it when it is imported.
 
-    Returns the names that have changed.  Kernels that depend on them must not be compiled yet.
+    Returns the names that have changed; RuntimeError where a kernel that depends on one of them
+    is compiled already.
     """
     changed = {(constant.module, constant.name)}
     setattr(importlib.import_module(constant.module), constant.name, constant.scaled(factor))
@@ -166,5 +167,6 @@ def _compile_anew(modules: Sequence[ModuleType], changed: set[Name]) -> None:
                    if uses[place] & (changed | affected)}:
         affected |= more
     for place in affected:
-        assert not kernels[place].overloads, f'{place} is compiled with the old constant'
+        if kernels[place].overloads:
+            raise RuntimeError(f'{".".join(place)} is compiled with the old value of a constant')
         kernels[place]._cache = NullCache()

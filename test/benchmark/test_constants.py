@@ -1,17 +1,20 @@
 """The constants of the detector are found in its source, and varied in a process."""
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Iterator
 import math
 import multiprocessing
-from typing import Any
+from multiprocessing.pool import Pool
+from pathlib import Path
 
 from benchmark.constants import change, Constant, constants, NOT_VARIED
+from benchmark.datasets import View
+from benchmark.experiments.sensitivity import run, Task
 from benchmark.scenes.rendered import room
+import cv2
 import numpy as np
 import pytest
-from qflsd_ros.core import Detector
-from qflsd_ros.core.detection import grid, suppression, thresholds
+from qflsd_ros.core.detection import assembly, extension, grid, thresholds
 
 
 def found(title: str) -> Constant:
@@ -19,10 +22,11 @@ def found(title: str) -> Constant:
     return next(constant for constant in constants() if constant.title == title)
 
 
-def in_a_process(function: Callable[..., Any], *arguments: Any) -> Any:
-    """Call a function in a fresh process, in which nothing is compiled yet."""
+@pytest.fixture
+def fresh() -> Iterator[Pool]:
+    """Give a process in which nothing is compiled yet."""
     with multiprocessing.get_context('spawn').Pool(1) as pool:
-        return pool.apply(function, arguments)
+        yield pool
 
 
 def test_every_constant_that_is_left_out_exists() -> None:
@@ -48,33 +52,25 @@ def test_the_number_in_the_source_is_scaled(source: str, value: object) -> None:
     assert scaled == pytest.approx(value) and type(scaled) is type(value)
 
 
-def arcs_with(title: str, factor: float) -> tuple[set[tuple[str, str]], int]:
-    """Return the names that change with a constant, and the number of arcs then."""
-    changed = change(found(title), factor)
-    return changed, len(Detector().detect(room(0, -0.25, (240, 320)).gray))
+def test_derived_names_change_too(fresh: Pool) -> None:
+    """A name that is computed from a constant follows it."""
+    changed = fresh.apply(change, (found('thresholds.PIECES'), 1.3))
+    assert changed == {(thresholds.__name__, 'PIECES'), (thresholds.__name__, 'SMALLEST')}
 
 
-def test_a_constant_changes_the_arcs() -> None:
-    """Suppression that hides fewer arcs leaves more: the kernel is compiled with the constant."""
-    usual = len(Detector().detect(room(0, -0.25, (240, 320)).gray))
-    changed, more = in_a_process(arcs_with, 'suppression.HIDDEN', 1.6)
-    assert changed == {(suppression.__name__, 'HIDDEN')} and more > usual
-    assert in_a_process(arcs_with, 'suppression.HIDDEN', 1.0)[1] == usual
+def test_importing_modules_change_too(fresh: Pool) -> None:
+    """A name that is imported from the module of the constant follows it."""
+    changed = fresh.apply(change, (found('extension.FARTHEST'), 1.3))
+    assert changed == {(extension.__name__, 'FARTHEST'), (assembly.__name__, 'FARTHEST')}
 
 
-def test_derived_names_change_too() -> None:
-    """A name computed from a constant or imported from its module follows it."""
-    changed, _ = in_a_process(arcs_with, 'thresholds.PIECES', 1.3)
-    assert changed >= {(thresholds.__name__, 'PIECES'), (thresholds.__name__, 'SMALLEST')}
-
-
-def test_a_compiled_kernel_is_refused() -> None:
-    """A constant that a kernel was compiled with cannot be varied any more."""
-    with pytest.raises(AssertionError, match='is compiled with the old constant'):
-        in_a_process(vary_after_a_frame)
-
-
-def vary_after_a_frame() -> None:
-    """Detect, then vary."""
-    Detector().detect(np.tile(np.uint8([0, 255]), (32, 16)))
-    change(found('suppression.HIDDEN'), 1.3)
+def test_a_constant_is_varied_once(fresh: Pool, tmp_path: Path) -> None:
+    """The kernel is compiled with the new value, and from then on refuses another one."""
+    picture, path = room(0, -0.25, (120, 160)), tmp_path / 'room.png'
+    cv2.imwrite(str(path), picture.gray)
+    view = View('wide', path, picture.lines, np.zeros(len(picture.lines)), 'wide')
+    lower = Task(found('validation.SCATTER'), 0.3, [view])
+    usual = run(Task(None, 1.0, [view]))
+    assert fresh.apply(run, (lower,)).f_measure < usual.f_measure
+    with pytest.raises(RuntimeError, match='is compiled with the old'):
+        fresh.apply(run, (lower,))
