@@ -1,4 +1,4 @@
-"""The same task on many things, on all cores, with a progress bar: not for measuring time."""
+"""One function over many tasks, on all cores, with a progress bar; not for measuring time."""
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
@@ -17,7 +17,7 @@ def each(function: Callable[[Task], Result], tasks: Sequence[Task],
          title: str, fresh: bool = False) -> Iterator[tuple[Task, Result]]:
     """Return every task with its result, in order; ``fresh``: each in a process of its own."""
     cores = len(os.sched_getaffinity(0))
-    # Forked from a server, not from here, where threads of ROS may be running by now.
+    # Workers are forked from a server: this process may have threads of ROS by now.
     context = multiprocessing.get_context('forkserver')
     context.set_forkserver_preload(PRELOADED)
     with context.Pool(min(cores, len(tasks)), maxtasksperchild=1 if fresh else None) as pool:

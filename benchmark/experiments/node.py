@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 import os
 import sys
@@ -36,7 +36,7 @@ PATIENCE = 120.0        # s for the node's first result; the first start ever co
 LOST = 2.0              # s after which a frame counts as lost
 WARM_UP = 3             # frames of a kind that are not counted
 NUMBERS = 10, 30, 100, 300, 1000        # of arcs in a message
-ENCODINGS = {
+ENCODINGS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     'mono8': lambda gray: gray,
     'bgr8': lambda gray: cv2.cvtColor(gray, cv2.COLOR_GRAY2BGR),
     'rgba8': lambda gray: cv2.cvtColor(gray, cv2.COLOR_GRAY2RGBA),

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import math
 
 from benchmark import plots, timing
-from benchmark.datasets import LENSES, View
+from benchmark.datasets import Lens, LENSES, View
 from benchmark.experiment import Experiment
 from benchmark.metrics import (
     assign, Assignment, Comparison, Counts, sample, Samples, Tally)
@@ -225,14 +225,14 @@ def _all(names: Sequence[str], timings: timing.Timings) -> str:
     for name in names:
         least = min(row[name].ms / row[OURS].ms for row in timings.values())
         rows.append((load(name).title,
-                     significant(np.mean([row[name].ms for row in timings.values()])),
+                     significant(float(np.mean([row[name].ms for row in timings.values()]))),
                      significant(timing.ratio(timings, name, OURS)), significant(least)))
     return table(('detector', 'mean ms', 'over ours', 'least over ours'), rows)
 
 
-def _rows_two(views: dict[str, list[View]], images: dict[str, np.ndarray],
+def _rows_two(views: dict[Lens, list[View]], images: dict[str, np.ndarray],
               timings: timing.Timings) -> str:
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for lens, of_lens in views.items():
         for view in of_lens:
             height, width = images[view.name].shape
@@ -244,12 +244,14 @@ def _rows_two(views: dict[str, list[View]], images: dict[str, np.ndarray],
                  rows)
 
 
-def _ratios(views: dict[str, list[View]], timings: timing.Timings) -> str:
-    groups = {lens: {view.name: timings[view.name] for view in of_lens}
-              for lens, of_lens in views.items()} | {'all': timings}
+def _ratios(views: dict[Lens, list[View]], timings: timing.Timings) -> str:
+    groups: dict[str, timing.Timings] = {
+        lens: {view.name: timings[view.name] for view in of_lens}
+        for lens, of_lens in views.items()}
+    groups['all'] = timings
     rows = []
     for group, some in groups.items():
-        means = [np.mean([row[name].ms for row in some.values()]) for name in METHODS]
+        means = [float(np.mean([row[name].ms for row in some.values()])) for name in METHODS]
         ratios = [timing.ratio(some, *pair)
                   for pair in ((LSD, OURS), (PAPER, OURS), (LSD, PAPER))]
         rows.append((group, *map(significant, means), *map(significant, ratios)))

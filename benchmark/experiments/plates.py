@@ -58,7 +58,7 @@ def plate(views: Sequence[View]) -> np.ndarray:
 def save(dataset: Dataset, folder: Path, count: int) -> dict[str, Path]:
     """Write a plate for each kind of lens in a data set; return where they are."""
     folder.mkdir(parents=True, exist_ok=True)
-    paths = {}
+    paths: dict[str, Path] = {}
     for lens in tqdm(LENSES, 'plates'):
         views = dataset.of_lens(lens, count)
         if views:

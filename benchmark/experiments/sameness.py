@@ -37,7 +37,8 @@ def dump(folder: str, per_level: int, threads: int, path: str) -> None:
     for i, view in enumerate(tqdm(views(folder, per_level), f'{threads} threads')):
         arcs = detector.detect(view.gray).table
         found[f'image {i}'] = np.hstack([arcs[name] for name in PLACES])
-    np.savez(path, versions=f'OpenCV {cv2.__version__}, numpy {np.__version__}', **found)
+    versions = np.array(f'OpenCV {cv2.__version__}, numpy {np.__version__}')
+    np.savez(path, allow_pickle=False, versions=versions, **found)
 
 
 def run(experiment: Experiment, threads: int, libraries: Path | None) -> dict[str, np.ndarray]:

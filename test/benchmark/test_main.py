@@ -43,7 +43,7 @@ def test_some_experiments_have_a_report_of_their_own(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(('arguments', 'message'), [
     (['--data', 'nowhere'], 'nowhere/manifest.json'), (['--sequence', 'nowhere'], 'nowhere'),
-    (['--peer', 'nonsense'], "'nonsense' is no detector")])
+    (['--peer', 'nonsense'], "'nonsense' is not a detector")])
 def test_what_cannot_be_used_is_named(arguments: list[str], message: str, tmp_path: Path,
                                       capsys: pytest.CaptureFixture[str]) -> None:
     """Exit code 2 and one line."""
