@@ -1,8 +1,4 @@
-"""
-Measure everything, and write the report.
-
-One command: ``script/benchmark --data DIR``.
-"""
+"""The command ``script/benchmark``: run the experiments, and write the report."""
 from __future__ import annotations
 
 import argparse
@@ -52,14 +48,14 @@ def parse(args: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument('--output', type=Path, metavar='DIR', default=quote.RESULTS.parent,
                         help='folder of the report (default: benchmark)')
     parser.add_argument('--quick', action='store_true',
-                        help='a small part of it all, to see that it works')
+                        help='a small part of each experiment, to check that it works')
     parser.add_argument('--only', metavar='NAME', nargs='+', choices=EXPERIMENTS | BY_NAME,
                         default=list(EXPERIMENTS),
                         help=f'only these experiments, of {", ".join(EXPERIMENTS | BY_NAME)}; the '
                         f'report is {PARTIAL}. {", ".join(BY_NAME)}: not run by default, quoted '
                         f'in {quote.DESIGN.relative_to(report.ROOT)}')
     parser.add_argument('--peer', metavar='NAME=MODULE:FUNCTION', action='append', default=[],
-                        help='another detector; benchmark/README.md says what it must do')
+                        help='another detector; benchmark/README.md has its interface')
     parser.add_argument('--figures-from-data', action='store_true',
                         help=f'plates of the data set as well, in {plates.PHOTOGRAPHS}/ of the '
                         'output folder; mind the licence of the images')
@@ -67,7 +63,7 @@ def parse(args: Sequence[str] | None) -> argparse.Namespace:
 
 
 def prepare(arguments: argparse.Namespace) -> Experiment:
-    """Return what the experiments need; scenes are rendered now."""
+    """Return the input of the experiments; this renders the scenes."""
     output: Path = arguments.output
     for folder in output / RENDERED, output / 'figures':
         if is_whole(arguments):
@@ -75,7 +71,7 @@ def prepare(arguments: argparse.Namespace) -> Experiment:
         folder.mkdir(parents=True, exist_ok=True)
     for folder in arguments.sequence:
         if not folder.is_dir():
-            raise DatasetError(f'--sequence {folder}: there is no such folder')
+            raise DatasetError(f'--sequence {folder}: must be an existing folder')
     dataset = Dataset.read(arguments.data) if arguments.data else None
     sequences = arguments.sequence
     if dataset and not sequences:
@@ -110,7 +106,7 @@ def main(args: Sequence[str] | None = None) -> int:
         minutes[name] = (time.monotonic() - begin) / 60
     given = sys.argv[1:] if args is None else args
     command = ' '.join(['script/benchmark', *map(str, given)])
-    kind = 'A quick run, to see that it works: no figures to quote.\n' if arguments.quick else ''
+    kind = 'A quick run: it checks that all works, its figures mean nothing.\n' * arguments.quick
     text = '\n'.join(filter(None, [
         '# Benchmark\n', kind, report.conditions(command), *sections.values(),
         f'The run took {sum(minutes.values()):.1f} minutes: '

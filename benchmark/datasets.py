@@ -65,13 +65,13 @@ class View:
 
     @property
     def curved(self) -> np.ndarray | None:
-        """Return which lines are curved, (lines,) bool; None for a lens that keeps lines straight."""
+        """Return which lines are curved, (lines,) bool; None where the lens is regular."""
         return None if self.lens == 'regular' else self.sagitta >= BENT
 
 
 @dataclass(frozen=True)
 class Board:
-    """An image of a chess board: the sides of its squares, and the outline of the annotated part."""
+    """An image of a chess board: sides of its squares, outline of the annotated part."""
 
     path: Path
     sides: list[np.ndarray]
@@ -117,7 +117,7 @@ class Dataset:
                 for view in [view for view in self.views if view.level == level][:count]]
 
     def of_lens(self, lens: Lens, count: int) -> list[View]:
-        """Return at most ``count`` views of a kind of lens, evenly spread, or the first regular."""
+        """Return at most ``count`` views of a lens, evenly spread, or the first regular."""
         views = [view for view in self.views if view.lens == lens]
         if lens == 'regular' or len(views) <= count:
             return views[:count]

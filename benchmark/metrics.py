@@ -163,7 +163,7 @@ class Neighbours:
         self._cosine = np.abs((here.tangents[:, None] * tangent).sum(axis=-1))
 
     def match(self, tolerance: float, angle: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return for each piece here the index of its match there, or -1, and its distance in px."""
+        """Return for each piece here the index of its match, or -1, and its distance in px."""
         if tolerance > REACH:
             raise ValueError(f'tolerance is {tolerance}: must not exceed {REACH} px')
         if self._none:

@@ -142,7 +142,8 @@ def measure(experiment: Experiment) -> str:
                      significant(1e3 * float(np.median([one.seconds for one in some])))))
     return section(
         'What each step brings', f'{len(views)} images through regular, wide and fisheye lenses, '
-        'at 2 px and 5 degrees; each step includes all steps above it. The first is plain numpy, the '
+        'at 2 px and 5 degrees; each step includes all steps above it. The first is plain '
+        'numpy, the '
         'others are compiled; chains come from our own edge map; validation includes the '
         'suppression of parallel arcs. Time: median of the CPU time of single runs, in ms.',
         table(('step', 'P', 'R', 'F', 'whole', 'curved whole', 'rms', 'found', 'ms'), rows))

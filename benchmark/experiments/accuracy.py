@@ -18,8 +18,10 @@ RULES = '2 px', '1 px', 'curved'
 EXPLANATION = (
     'P, R, F: precision, recall and their harmonic mean, by length, at 2 px and 5 degrees; F1: F '
     'at 1 px; whole: share of the lines that one single detection covers to 75 %; fragments: '
-    'detections on a line; duplicates: number of detections that cover a covered px; rms: distance of '
-    'matched pieces from the annotation, px; curved whole: whole, of lines of 60 px or more that leave '
+    'detections on a line; duplicates: number of detections that cover a covered px; rms: '
+    'distance of '
+    'matched pieces from the annotation, px; curved whole: whole, of lines of 60 px or more '
+    'that leave '
     'their chord by 2 px or more (through a lens without distortion: all of that length). '
     'Exact definitions: [metrics.py](metrics.py).')
 

@@ -28,7 +28,7 @@ def tiled(size: tuple[int, int]) -> np.ndarray:
 
 
 def bars(cell: float, shape: tuple[int, int]) -> np.ndarray:
-    """Return bars (H, W) uint8; smaller cells give more edge pixels."""
+    """Return an image (H, W) uint8 of bars; smaller cells give more edge pixels."""
     lens = DivisionModel(LAM, shape)
     return planes.render(planes.bars(lens, cell), lens, 2.0)
 
@@ -65,7 +65,8 @@ def measure(experiment: Experiment) -> str:
     return section(
         'Growth',
         'CPU time, one thread, medians. Pixels: a rendered room, tiled, so that the '
-        f'density of edges is the same. Edge pixels: bars of {len(cells)} sizes in {width}x{height} px, '
+        f'density of edges is the same. Edge pixels: bars of {len(cells)} sizes in '
+        f'{width}x{height} px, '
         f'{edges[0]} to {edges[-1]} edge pixels. Slope: the exponent of the power law that fits '
         f'best, 1 where time is proportional. Goal: not above {MOST} for ours, in both; '
         f'reached: {"yes" if reached else "no"}.',

@@ -22,9 +22,11 @@ FIGURES = {'P': (False, 'precision'), 'R': (False, 'recall'), 'F': (False, 'f_me
            'fragments': (False, 'fragments')}
 EXPLANATION = (
     'Annotated images, lens unknown / estimated from the arcs of the same image, at 2 px and 5 '
-    'degrees; *estimated*: images with an estimate, the others are detected without; curved whole: whole, of lines '
+    'degrees; *estimated*: images with an estimate, the others are detected without; curved '
+    'whole: whole, of lines '
     f'of {MIN_CURVED:g} px or more that leave their chord by {BENT:g} px or more (through a '
-    'lens without distortion: all of that length); CPU time: of detection with the lens over that without.')
+    'lens without distortion: all of that length); CPU time: of detection with the lens over '
+    'that without.')
 
 
 class Found(NamedTuple):

@@ -20,7 +20,8 @@ FRAMES_A_VIEW = 4       # frames of the room for each of its viewpoints under ot
 
 EXPLANATION = (
     'Lambda from the arcs of single frames of the rendered room; *estimated*: frames with an '
-    'estimate, in the others the lens is not observable; error over deviation: rms, 1 for a correct '
+    'estimate, in the others the lens is not observable; error over deviation: rms, 1 for a '
+    'correct '
     'deviation; ms: median CPU time of the estimate alone; sagitta: its error, for arcs below '
     f'{known_lens.SHORT:g} px, median, px, lens unknown / known.')
 
@@ -69,12 +70,12 @@ def measure(experiment: Experiment) -> str:
 
 def _cells(measured: list[Measured]) -> list[object]:
     error, normalised, ms = np.array([frame[:3] for frame in measured]).T
-    told = np.isfinite(error)
-    off = np.abs(error[told])
+    estimated = np.isfinite(error)
+    off = np.abs(error[estimated])
     unknown, known = (np.concatenate([getattr(frame, which) for frame in measured])
                       for which in ('unknown', 'known'))
-    return [len(measured), int(told.sum()), number(_or_nan(np.median, off), 4),
-            number(_or_nan(np.max, off), 4), number(_or_nan(_rms, normalised[told]), 2),
+    return [len(measured), int(estimated.sum()), number(_or_nan(np.median, off), 4),
+            number(_or_nan(np.max, off), 4), number(_or_nan(_rms, normalised[estimated]), 2),
             significant(float(np.median(ms))),
             f'{number(_or_nan(np.median, unknown))} / {number(_or_nan(np.median, known))}']
 

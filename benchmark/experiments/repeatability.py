@@ -1,4 +1,4 @@
-"""Repeatability: whether the same is found again in the next frame of a sequence."""
+"""Repeatability: the share of detections that are found again in the next frame."""
 from __future__ import annotations
 
 from pathlib import Path
@@ -15,7 +15,7 @@ import numpy as np
 from qflsd_ros.core import DivisionModel
 from qflsd_ros.sources.files import IMAGE_SUFFIXES
 
-MIN_LENGTH = 20.0           # px, of what is to be found again
+MIN_LENGTH = 20.0           # px, of detections that are to be found again
 RENDERED = 'rendered bars'
 NOISE = 4.0                 # grey levels
 
@@ -30,7 +30,7 @@ class Task(NamedTuple):
 
 
 def repeat(task: Task) -> tuple[Counts, list[int]]:
-    """Compare each frame with the one before it; return also how many lines each has."""
+    """Compare each frame with the one before it; return also the number of lines of each."""
     peer = load(task.name)
     found = [sample(peer(gray)) for gray in frames(task)]
     pairs = (Comparison(after, before).count(min_truth=MIN_LENGTH)
@@ -39,7 +39,7 @@ def repeat(task: Task) -> tuple[Counts, list[int]]:
 
 
 def sequences(folder: Path) -> list[Path]:
-    """Return the folders of images in a folder, in order; none where there is no such folder."""
+    """Return the folders of images in a folder, sorted; none if the folder does not exist."""
     return sorted({path.parent for path in folder.glob('*/*')
                    if path.suffix.lower() in IMAGE_SUFFIXES})
 
@@ -71,8 +71,8 @@ def measure(experiment: Experiment) -> str:
                      number(float(np.mean(numbers)), 0), number(float(np.std(numbers)), 1)))
     return section(
         'Repeatability',
-        f'*again*: share, by length, of what is found in a frame (from {MIN_LENGTH:g} px on) '
-        'that is found in the next one, within 2 px and 5 degrees; *whole*: share of the '
+        f'*again*: share, by length, of the detections in a frame (from {MIN_LENGTH:g} px on) '
+        'that are found in the next one, within 2 px and 5 degrees; *whole*: share of the '
         'detections that one single detection of the next frame covers to 75 %; rms: distance '
         f'between both, px. *{RENDERED}*: a still scene with fresh noise of {NOISE:g} grey levels '
         'in each frame. Where camera or objects move, motion counts as failure.',

@@ -28,10 +28,13 @@ GAIN, OFFSET, NOISE = 0.8, 10.0, 3.0        # of a second view; the last two in 
 MOVED = 0.06                # share of the sides by which the corners of a view move at most
 BORDER = 6.0                # px inside the second view, from where arcs are to be found again
 EXPLANATION = (
-    'Change of F and whole (at 2 px and 5 degrees), and of again, in hundredths, when one constant '
-    'is varied by -30 % / +30 % and all others are kept; of an angle of which the code uses a sine '
+    'Change of F and whole (at 2 px and 5 degrees), and of again, in hundredths, when one '
+    'constant '
+    'is varied by -30 % / +30 % and all others are kept; of an angle of which the code uses a '
+    'sine '
     'or cosine, the angle is varied; whole numbers are rounded. *again*: share, by length, of the '
-    f'arcs of {MIN_LENGTH:g} px or more that are found again within 2 px and 5 degrees in a second '
+    f'arcs of {MIN_LENGTH:g} px or more that are found again within 2 px and 5 degrees in a '
+    'second '
     f'view of the same image: the mean over one with gain {GAIN:g}, offset {OFFSET:g} and noise '
     f'{NOISE:g} grey levels, and one under a homography that moves the corners by up to '
     f'{100 * MOVED:g} % of the sides.')

@@ -63,7 +63,8 @@ class EquidistantLens:
         """Map points (..., 2) px of an image without distortion to this lens's image."""
         return self._scaled(points, np.arctan)
 
-    def _scaled(self, points: np.ndarray, radius: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+    def _scaled(self, points: np.ndarray,
+                radius: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
         q = (np.asarray(points, float) - self.origin) / self.focal
         r = np.maximum(np.hypot(q[..., 0], q[..., 1]), 1e-12)
         return q * (radius(r) / r)[..., None] * self.focal + self.origin

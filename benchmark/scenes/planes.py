@@ -93,7 +93,7 @@ def _reach(lens: Lens) -> float:
 
 
 def render(scene: Scene, lens: Lens, noise: float = 0.0, seed: int = 0) -> np.ndarray:
-    """Return the image of a scene, (H, W) uint8, with white noise of a deviation in grey levels."""
+    """Return the image of a scene, (H, W) uint8, with white noise in grey levels."""
     height, width = lens.shape
     image = np.empty((height, width), np.float32)
     for top in range(0, height, ROWS):
@@ -121,7 +121,7 @@ def _samples(rows: int, columns: int) -> np.ndarray:
 
 
 def lines(scene: Scene, lens: Lens) -> list[np.ndarray]:
-    """Return the visible parts of the scene's edges, exact polylines (K, 2) px each."""
+    """Return the visible parts of all edges as exact polylines, (K, 2) px each."""
     limit = np.array(lens.shape[::-1]) - 1
     found = []
     for start, end in scene.edges:

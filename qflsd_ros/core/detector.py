@@ -29,15 +29,9 @@ class Detector:
     """
     Finds the pictures of straight edges, seen through any lens, as circular arcs.
 
-    A detector keeps its memory from frame to frame: use one for each thread.
-
-    Attributes
-    ----------
-    parameters
-        May be replaced between two frames.
-    on_stage
-        Called with the name of each stage of method arcs when that stage ends, for measurements;
-        None (the default) for no calls.
+    A detector keeps its memory from frame to frame: use one for each thread.  Its attribute
+    ``parameters`` may be replaced between two frames.  Its attribute ``on_stage``, if not None, is
+    called with the name of each stage of method arcs when the stage ends.
 
     """
 
