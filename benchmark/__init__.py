@@ -1,8 +1,8 @@
 """
 Accuracy and speed of the detector, side by side with its peers and with the published method.
 
-Not installed; ``script/benchmark`` runs it.  Numerical libraries are kept to one thread each, so
-that times of different detectors can be compared; that has to be said before they are loaded.
+The benchmark is not installed; ``script/benchmark`` runs it.  The environment limits numerical
+libraries to one thread, before they are loaded, so that the times of detectors can be compared.
 """
 import os
 

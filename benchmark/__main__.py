@@ -1,12 +1,8 @@
-"""
-Measure everything, and write the report.
-
-One command: ``script/benchmark --data DIR``.
-"""
+"""The command ``script/benchmark``: run the experiments, and write the report."""
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 import shutil
 import sys
@@ -17,12 +13,12 @@ from benchmark.datasets import Dataset, DatasetError
 from benchmark.experiment import Effort, Experiment, QUICK
 from benchmark.experiments import (
     ablation, accuracy, degraded, exactness, growth, lens, memory, node, overhead, paper_tables,
-    plates, repeatability, robustness, sameness, speed, stages)
-from benchmark.experiments.rendered import write
+    plates, repeatability, robustness, sameness, sensitivity, speed, stages)
+from benchmark.scenes.rendered import write
 from tqdm import tqdm
 
 # In the order of the report.
-EXPERIMENTS = {
+EXPERIMENTS: dict[str, Callable[[Experiment], str]] = {
     'table1': paper_tables.table_one, 'table2': paper_tables.table_two,
     'plates': plates.measure, 'accuracy': accuracy.measure, 'ablation': ablation.measure,
     'degraded': degraded.measure, 'robustness': robustness.measure,
@@ -31,6 +27,9 @@ EXPERIMENTS = {
     'sameness': sameness.measure, 'speed': speed.measure, 'growth': growth.measure,
     'stages': stages.measure, 'node': node.measure,
     'overhead': overhead.measure, 'memory': memory.measure}
+# Only by name: it takes a quarter of an hour, and changes only when a constant of the core does.
+BY_NAME = {'sensitivity': sensitivity.measure}
+PARTIAL = 'partial.md'  # the report of some experiments, beside that of a run of all of them
 RENDERED = 'rendered'
 SEQUENCES = 'seq'
 USAGE = 2               # exit code
@@ -49,12 +48,14 @@ def parse(args: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument('--output', type=Path, metavar='DIR', default=quote.RESULTS.parent,
                         help='folder of the report (default: benchmark)')
     parser.add_argument('--quick', action='store_true',
-                        help='a small part of it all, to see that it works')
-    parser.add_argument('--only', metavar='NAME', nargs='+', choices=EXPERIMENTS,
+                        help='a small part of each experiment, to check that it works')
+    parser.add_argument('--only', metavar='NAME', nargs='+', choices=EXPERIMENTS | BY_NAME,
                         default=list(EXPERIMENTS),
-                        help=f'only these experiments, of {", ".join(EXPERIMENTS)}')
+                        help=f'only these experiments, of {", ".join(EXPERIMENTS | BY_NAME)}; the '
+                        f'report is {PARTIAL}. {", ".join(BY_NAME)}: not run by default, quoted '
+                        f'in {quote.DESIGN.relative_to(report.ROOT)}')
     parser.add_argument('--peer', metavar='NAME=MODULE:FUNCTION', action='append', default=[],
-                        help='another detector; benchmark/README.md says what it must do')
+                        help='another detector; benchmark/README.md has its interface')
     parser.add_argument('--figures-from-data', action='store_true',
                         help=f'plates of the data set as well, in {plates.PHOTOGRAPHS}/ of the '
                         'output folder; mind the licence of the images')
@@ -62,15 +63,15 @@ def parse(args: Sequence[str] | None) -> argparse.Namespace:
 
 
 def prepare(arguments: argparse.Namespace) -> Experiment:
-    """Return what the experiments need; scenes are rendered now."""
+    """Return the input of the experiments; this renders the scenes."""
     output: Path = arguments.output
     for folder in output / RENDERED, output / 'figures':
-        if len(arguments.only) == len(EXPERIMENTS):
+        if is_whole(arguments):
             shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir(parents=True, exist_ok=True)
     for folder in arguments.sequence:
         if not folder.is_dir():
-            raise DatasetError(f'--sequence {folder}: there is no such folder')
+            raise DatasetError(f'--sequence {folder}: must be an existing folder')
     dataset = Dataset.read(arguments.data) if arguments.data else None
     sequences = arguments.sequence
     if dataset and not sequences:
@@ -85,34 +86,47 @@ def prepare(arguments: argparse.Namespace) -> Experiment:
                       arguments.figures_from_data)
 
 
+def is_whole(arguments: argparse.Namespace) -> bool:
+    """Return whether all experiments of the report are run."""
+    return list(arguments.only) == list(EXPERIMENTS)
+
+
 def main(args: Sequence[str] | None = None) -> int:
     """Run the command; return its exit code."""
     arguments = parse(args)
-    start = time.monotonic()
     try:
         experiment = prepare(arguments)
     except (DatasetError, ValueError, ImportError, AttributeError) as error:
         print(f'benchmark: {error}', file=sys.stderr)
         return USAGE
-    sections, minutes = [], {}
+    sections, minutes = {}, {}
     for name in tqdm(arguments.only, 'experiments'):
         begin = time.monotonic()
-        sections.append(EXPERIMENTS[name](experiment))
+        sections[name] = (EXPERIMENTS | BY_NAME)[name](experiment)
         minutes[name] = (time.monotonic() - begin) / 60
     given = sys.argv[1:] if args is None else args
     command = ' '.join(['script/benchmark', *map(str, given)])
-    kind = 'A quick run, to see that it works: no figures to quote.' if arguments.quick else ''
-    parts = ['# Benchmark\n', kind and f'{kind}\n', report.conditions(command), *sections,
-             f'The run took {(time.monotonic() - start) / 60:.1f} minutes: '
-             + ', '.join(f'{name} {took:.1f}' for name, took in minutes.items()) + '.\n']
-    path = experiment.output / quote.RESULTS.name
-    text = '\n'.join(filter(None, parts))
+    kind = 'A quick run: it checks that all works, its figures mean nothing.\n' * arguments.quick
+    text = '\n'.join(filter(None, [
+        '# Benchmark\n', kind, report.conditions(command), *sections.values(),
+        f'The run took {sum(minutes.values()):.1f} minutes: '
+        + ', '.join(f'{name} {took:.1f}' for name, took in minutes.items()) + '.\n']))
+    path = experiment.output / (quote.RESULTS.name if is_whole(arguments) else PARTIAL)
     path.write_text(text, encoding='utf-8')
     print(f'The report is {path}')
-    if path == quote.RESULTS and not arguments.quick and len(sections) == len(EXPERIMENTS):
-        quote.README.write_text(quote.renewed(quote.README.read_text(), text))
-        print(f'Quoted in {quote.README}')
+    if path.parent == quote.RESULTS.parent and not arguments.quick:
+        renew_quotations(arguments, text)
     return 0
+
+
+def renew_quotations(arguments: argparse.Namespace, text: str) -> None:
+    """Quote a report in the documents."""
+    if is_whole(arguments):
+        quote.renew(quote.README, quote.MEASURED, quote.summary(text))
+        print(f'Quoted in {quote.README}')
+    if 'sensitivity' in arguments.only:
+        quote.renew(quote.DESIGN, quote.SENSITIVITY, quote.body(text, sensitivity.TITLE))
+        print(f'Quoted in {quote.DESIGN}')
 
 
 if __name__ == '__main__':

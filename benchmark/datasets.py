@@ -1,5 +1,5 @@
 """
-A data set: a folder of images with annotated lines; README.md describes the format.
+Data sets: folders of images with annotated lines; README.md describes the format.
 
 >>> from benchmark.datasets import Dataset
 >>> Dataset.read('path/to/folder').views[0].lines      # doctest: +SKIP
@@ -16,15 +16,15 @@ import numpy as np
 
 MANIFEST = 'manifest.json'
 BOARDS = 'chess'
-FISHEYE_FROM = -0.5             # lambda from which on a lens is called a fisheye
-BENT = 2.0                      # px of sagitta from which on a line is called curved
+FISHEYE_FROM = -0.5             # lambda at which and below which a lens is called a fisheye
+BENT = 2.0                      # px, smallest sagitta of a line that is called curved
 
 Lens = Literal['regular', 'wide', 'fisheye']
 LENSES: tuple[Lens, ...] = ('regular', 'wide', 'fisheye')
 
 
 class DatasetError(Exception):
-    """A data set that cannot be used; the text says what is wrong in which file."""
+    """A data set that cannot be used; the text names the file and the error."""
 
 
 @dataclass(frozen=True)
@@ -35,13 +35,13 @@ class View:
     Attributes
     ----------
     level
-        The group of images that it belongs to.
+        The group of images to which it belongs; results are given for each.
     path
-        The image.
+        The image file.
     lines
         (K, 2) float64 px each.
     sagitta
-        (lines,) float64 px, how far each line leaves its chord.
+        (lines,) float64 px, the largest distance of each line from its chord.
     lens
         The kind of lens: ``regular``, ``wide`` or ``fisheye``.
 
@@ -65,13 +65,13 @@ class View:
 
     @property
     def curved(self) -> np.ndarray | None:
-        """Which lines are curved, (lines,) bool; None where the lens keeps all lines straight."""
+        """Return which lines are curved, (lines,) bool; None where the lens is regular."""
         return None if self.lens == 'regular' else self.sagitta >= BENT
 
 
 @dataclass(frozen=True)
 class Board:
-    """An image of a chess board: the sides of its squares (polylines), the outline within."""
+    """An image of a chess board: sides of its squares, outline of the annotated part."""
 
     path: Path
     sides: list[np.ndarray]
@@ -112,12 +112,12 @@ class Dataset:
         return list(dict.fromkeys(view.level for view in self.views))
 
     def of_levels(self, count: int) -> list[View]:
-        """Return the first ``count`` views of each level, level by level; fewer if there are."""
+        """Return at most ``count`` views of each level, the first ones, level by level."""
         return [view for level in self.levels
                 for view in [view for view in self.views if view.level == level][:count]]
 
     def of_lens(self, lens: Lens, count: int) -> list[View]:
-        """Return ``count`` views of a kind of lens, evenly spread over all; fewer if there are."""
+        """Return at most ``count`` views of a lens, evenly spread, or the first regular."""
         views = [view for view in self.views if view.lens == lens]
         if lens == 'regular' or len(views) <= count:
             return views[:count]
@@ -125,7 +125,7 @@ class Dataset:
 
 
 def read_gray(path: Path) -> np.ndarray:
-    """Return an image, (H, W) uint8; DatasetError where it cannot be read."""
+    """Return an image, (H, W) uint8; a file that cannot be read raises DatasetError."""
     image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
     if image is None:
         raise DatasetError(f'{path}: cannot be read as an image')
@@ -151,7 +151,7 @@ def _json(path: Path) -> Any:
 def _view(folder: Path, entry: dict[str, Any]) -> View:
     missing = {'level', 'image', 'gt'} - entry.keys()
     if missing:
-        raise DatasetError(f'{folder / MANIFEST}: a row lacks {", ".join(sorted(missing))}')
+        raise DatasetError(f'{folder / MANIFEST}: a row has no {", ".join(sorted(missing))}')
     path = folder / entry['gt']
     content = _json(path)
     try:
@@ -164,7 +164,7 @@ def _view(folder: Path, entry: dict[str, Any]) -> View:
             model = content['model']
         return View(entry['level'], folder / entry['image'], lines, sagitta, lens_of(model))
     except (KeyError, TypeError, ValueError) as error:
-        raise DatasetError(f'{path}: is no annotation: {error!r}') from error
+        raise DatasetError(f'{path}: is not an annotation: {error!r}') from error
 
 
 def _board(folder: Path, path: Path) -> Board:
@@ -173,4 +173,4 @@ def _board(folder: Path, path: Path) -> Board:
         return Board(folder / content['image'], [np.array(side) for side in content['edges']],
                      np.array(content['roi']))
     except (KeyError, TypeError, ValueError) as error:
-        raise DatasetError(f'{path}: is no annotation of a board: {error!r}') from error
+        raise DatasetError(f'{path}: is not an annotation of a board: {error!r}') from error

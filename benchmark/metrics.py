@@ -1,20 +1,20 @@
 """
-How well detected lines and arcs agree with annotated ones; both are given as polylines.
+Agreement of detected lines and arcs with annotated ones, both as polylines.
 
 Coordinates are px, x right, y down, (0, 0) is the centre of the top-left pixel.
 
-**Matching.**  Every polyline is cut into equal pieces of about 1 px, each standing for its middle,
-its tangent and its length.  A piece of one set matches the other set when one of the 16 pieces
+**Matching.**  Every polyline is cut into equal pieces of about 1 px, each with a middle, a tangent
+and a length.  A piece of one set matches the other set when one of the 16 pieces
 there that are closest to it lies within ``tolerance`` px across the line of the other set, within
 1 px along it, and its tangent within ``angle`` degrees; of several, the closest one across counts.
 Detections are matched to the truth, and the truth to the detections.
 
-**Counting.**  Truth lines of at least ``min_truth`` px (and in ``subset``, if there is one) count.
-Pieces of detections on other truth lines are neither right nor wrong: they are ignored.
+**Counting.**  Truth lines of at least ``min_truth`` px (and in ``subset``, if it is given) count.
+Pieces of detections on other truth lines are ignored: they are neither right nor wrong.
 
 ========== ========================================================================================
-precision  matched length of the detections, of all that is not ignored
-recall     matched length of the truth, of all that counts
+precision  matched length of the detections, as a share of their length that is not ignored
+recall     matched length of the truth, as a share of the length that counts
 f_measure  harmonic mean of both
 found      share of the lines covered to 75 %, by any number of detections
 whole      share of the lines covered to 75 % by one single detection
@@ -22,7 +22,7 @@ fragments  mean number of detections on a line (at least 3 px and 3 % of it), ov
            50 %; 1 is ideal
 correct    share of detections, ignored ones apart, with 75 % of their length on one line
 duplicates matched length of the detections, over matched length of the truth
-rms        root mean square distance of what matches from the truth, px
+rms        root mean square distance of matched pieces from the truth, px
 ========== ========================================================================================
 
 Sums run over all images before they are divided.
@@ -30,10 +30,10 @@ Sums run over all images before they are divided.
 **Lines found** (:meth:`Counts.tally`).  True positives are the lines covered to 75 %, false
 negatives the others; false positives are detections of which less than 75 % lies on any lines.
 
-**Lines as wholes** (:func:`assign`).  A detection *is* a line if 75 % of its length lies on it and
-it covers half of it or more.  Each line is found once: true positives are the lines that are
-found; all other detections are false positives, second ones on a line among them; lines that no
-detection is are false negatives.
+**Lines as wholes** (:func:`assign`).  A detection *is* a line if 75 % of the detection lies on the
+line and it covers half of the line or more.  True positives are the lines with such a detection,
+false negatives the others.  All other detections are false positives, and so is a second detection
+of the same line.
 """
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ NEIGHBOURS = 16
 STEP = 1.0          # px, length of a piece
 ALONG = 1.0         # px
 REACH = 2.0         # px, largest tolerance
-COVERED = 0.75      # share of a line, or of a detection, that is as good as all of it
+COVERED = 0.75      # share of a line, or of a detection, that counts as all of it
 HALF = 0.5
 PIECE = 3.0         # px of a line that make a fragment
 PIECE_SHARE = 0.03  # the same as a share of the line
@@ -133,7 +133,7 @@ def sample(polylines: Iterable[np.ndarray]) -> Samples:
 
 
 def _chords(lines: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return starts and vectors of all chords that are longer than 0, and whose they are."""
+    """Return start, vector and number of the line of every chord longer than 0."""
     if not lines:
         return np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0, int)
     vertices = np.concatenate(lines)
@@ -144,7 +144,7 @@ def _chords(lines: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.nda
 
 
 class Neighbours:
-    """For every piece of one set those of the other that it may match."""
+    """Candidates for a match: for every piece of one set, the closest pieces of the other."""
 
     def __init__(self, here: Samples, there: Samples) -> None:
         self._size = len(here.points)
@@ -154,7 +154,7 @@ class Neighbours:
         near = min(NEIGHBOURS, len(there.points))
         distance, index = cKDTree(there.points).query(
             here.points, near, distance_upper_bound=math.hypot(REACH, ALONG))
-        self._distance = distance.reshape(self._size, near)
+        self._distance = np.reshape(distance, (self._size, near))
         self._index = np.where(np.isfinite(distance), index, 0).reshape(self._size, near)
         offset = here.points[:, None] - there.points[self._index]
         tangent = there.tangents[self._index]
@@ -163,7 +163,7 @@ class Neighbours:
         self._cosine = np.abs((here.tangents[:, None] * tangent).sum(axis=-1))
 
     def match(self, tolerance: float, angle: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return for every piece here the number of its match there, or -1, and how far it is."""
+        """Return for each piece here the index of its match, or -1, and its distance in px."""
         if tolerance > REACH:
             raise ValueError(f'tolerance is {tolerance}: must not exceed {REACH} px')
         if self._none:
@@ -206,7 +206,7 @@ class Counts:
         return Tally(self.found, self.wrong, self.lines - self.found)
 
     def figures(self) -> Figures:
-        """Return the ratios; nan where there is nothing to divide by."""
+        """Return the ratios; nan where a denominator is 0."""
         precision, recall = ratio(self.right, self.judged), ratio(self.covered, self.truth)
         return Figures(
             precision, recall, ratio(2 * precision * recall, precision + recall),
@@ -218,7 +218,7 @@ class Counts:
 
 @dataclass(frozen=True)
 class Figures:
-    """What the module's table defines, and the numbers of detections and lines behind it."""
+    """The figures that the module defines, and the numbers of detections and lines."""
 
     precision: float
     recall: float
@@ -247,14 +247,14 @@ class Comparison:
         self._to_detections = Neighbours(truth, detections)
 
     def lines(self, tolerance: float, angle: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return the truth line under each piece of a detection, or -1, and how far it is."""
+        """Return the truth line under each piece of a detection, or -1, and its distance in px."""
         match, away = self._to_truth.match(tolerance, angle)
         line = np.full(len(match), -1)
         line[match >= 0] = self.truth.line[match[match >= 0]]
         return line, away
 
     def overlap(self, line: np.ndarray) -> np.ndarray:
-        """Return (detections, truth lines) px that each detection lies on each line."""
+        """Return the length in px of each detection on each line, (detections, truth lines)."""
         rows, columns, hit = self.detections.count, self.truth.count, line >= 0
         return np.bincount(self.detections.line[hit] * columns + line[hit],
                            self.detections.weight[hit], rows * columns).reshape(rows, columns)
@@ -267,7 +267,7 @@ class Comparison:
 
     def count(self, tolerance: float = 2.0, angle: float = 5.0, min_truth: float = 0.0,
               subset: Sequence[bool] | np.ndarray | None = None) -> Counts:
-        """Count this image; the module says what is counted."""
+        """Return the counts of this image, as the module defines them."""
         counted = self.counted(min_truth, subset)
         line, away = self.lines(tolerance, angle)
         covered = self._to_detections.match(tolerance, angle)[0] >= 0
@@ -328,12 +328,12 @@ def _on(counted: np.ndarray, line: np.ndarray) -> np.ndarray:
 @dataclass(frozen=True)
 class Assignment:
     """
-    Which detection is which line of one image.
+    Detections of one image, each with the line that it is.
 
     Attributes
     ----------
     line
-        (M,) int64, the line that each detection is, or -1; ignored detections are left out.
+        (M,) int64, the line that each detection is, or -1; without ignored detections.
     rows
         (M,) int64, the number of the detection.
     lines
@@ -346,7 +346,7 @@ class Assignment:
     lines: int
 
     def tally(self, keep: np.ndarray | None = None) -> Tally:
-        """Count, with all detections or those of which ``keep`` (detections,) is True."""
+        """Count lines as wholes; ``keep`` (detections,) bool selects the detections."""
         line = self.line if keep is None else self.line[keep[self.rows]]
         right = len(np.unique(line[line >= 0]))
         return Tally(right, len(line) - right, self.lines - right)
@@ -378,7 +378,7 @@ class Tally:
 
 def assign(comparison: Comparison, tolerance: float = 2.0, angle: float = 5.0,
            min_truth: float = 0.0) -> Assignment:
-    """Find which detection is which line."""
+    """Return the assignment of detections to lines."""
     counted = comparison.counted(min_truth, None)
     line, _ = comparison.lines(tolerance, angle)
     rows = np.flatnonzero(comparison.judged(counted, line))

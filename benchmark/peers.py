@@ -1,7 +1,7 @@
 """
-The detectors by name, each in two steps: find, and say what was found as polylines.
+The detectors by name, each with two functions: detection, and conversion to polylines.
 
-Every one runs with its own defaults.  Another joins in as ``NAME=MODULE:FUNCTION``, a function
+Every detector runs with its own defaults.  ``NAME=MODULE:FUNCTION`` adds another one: a function
 that takes a (H, W) uint8 image and returns rows x0 y0 x1 y1, or a list of (K, 2) polylines, in px
 with (0, 0) at the centre of the top-left pixel.
 """
@@ -33,7 +33,7 @@ TITLES = {
 
 @dataclass(frozen=True)
 class Peer:
-    """A detector; what it returns is turned into polylines outside the time measured."""
+    """A detector; the conversion to polylines is not part of the measured time."""
 
     name: str
     detect: Callable[[np.ndarray], Any]
@@ -41,11 +41,11 @@ class Peer:
 
     @property
     def title(self) -> str:
-        """Name for people."""
+        """Name in tables and plots."""
         return TITLES.get(self.name, self.name)
 
     def __call__(self, gray: np.ndarray) -> list[np.ndarray]:
-        """Return what is found in a (H, W) uint8 image, (K, 2) px each."""
+        """Return the polylines found in a (H, W) uint8 image, (K, 2) px each."""
         return self.polylines(self.detect(gray))
 
 
@@ -67,13 +67,13 @@ def load(name: str) -> Peer:
     title, _, place = name.partition('=')
     module, _, function = place.partition(':')
     if not (title and module and function):
-        raise ValueError(f'{name!r} is no detector: must be one of {", ".join(MAKERS)} '
+        raise ValueError(f'{name!r} is not a detector: must be one of {", ".join(MAKERS)} '
                          'or NAME=MODULE:FUNCTION')
     return Peer(title, getattr(importlib.import_module(module), function), list_of_polylines)
 
 
 def list_of_polylines(result: Any) -> list[np.ndarray]:
-    """Return rows x0 y0 x1 y1 in whatever shape, None or a list of polylines, as polylines."""
+    """Return polylines (K, 2) of rows x0 y0 x1 y1 of any shape, a list of polylines, or None."""
     if result is None:
         return []
     if isinstance(result, Sequence):
@@ -82,8 +82,9 @@ def list_of_polylines(result: Any) -> list[np.ndarray]:
 
 
 def published() -> Parameters:
-    """Return the settings with which the paper's method runs."""
-    return settings.read(argparse.Namespace(params=PAPER_SETTINGS))
+    """Return the parameters of the published method, from config/paper.yaml."""
+    arguments = argparse.Namespace(params=PAPER_SETTINGS, node=settings.NODE)
+    return settings.read(arguments, print).detector
 
 
 def _arcs(name: str, parameters: Callable[[], Parameters]) -> Peer:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from benchmark.peers import TITLES
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 import numpy as np
 
@@ -13,6 +14,7 @@ COLOURS = {'qflsd': '#d62728', 'paper': '#9467bd', 'lsd': '#1f77b4', 'pytlsd': '
            'lsdetect': '#7f7f7f', 'fld': '#2ca02c', 'edlines': '#ff7f0e', 'canny': '#bcbd22'}
 PANEL = 4.2, 3.4        # inches
 DPI = 80
+Values = Sequence[float] | np.ndarray
 
 
 @dataclass(frozen=True)
@@ -34,7 +36,7 @@ class Panel:
     title: str
     x: str
     y: str
-    series: Mapping[str, tuple[Sequence[float], Sequence[float]]]
+    series: Mapping[str, tuple[Values, Values]]
     dots: bool = False
     logarithmic: str = ''
     limits: tuple[float, float] | None = None       # of y
@@ -58,7 +60,7 @@ def save(path: Path, panels: Sequence[Panel], columns: int = 3) -> None:
     figure.savefig(path)
 
 
-def _draw(axis, panel: Panel) -> None:
+def _draw(axis: Axes, panel: Panel) -> None:
     for name, (x, y) in panel.series.items():
         style = 'o' if panel.dots or len(x) == 1 else '.-'
         order = np.argsort(x, kind='stable') if panel.dots else slice(None)

@@ -1,27 +1,30 @@
 """
-What the README quotes of the report between its marks: a table made of the report's own, and more.
+Tables of the report that documents quote, between marks such as ``<!-- measured -->``.
 
-Run as ``python3 -m benchmark.quote``; ``script/benchmark`` does it after a run of everything.
+The README quotes the means of all detectors; doc/design.md quotes the sensitivity to constants.
+``script/benchmark`` renews the quotations after a run that measured them.
+``python3 -m benchmark.quote`` renews that of the README from the report.
 """
 from __future__ import annotations
 
 from collections import defaultdict
+from pathlib import Path
 import re
 
 from benchmark.report import number, ROOT, table
 import numpy as np
 
-README, RESULTS = ROOT / 'README.md', ROOT / 'benchmark' / 'RESULTS.md'
-BEGIN, END = '<!-- measured -->\n', '<!-- end of measured -->\n'
+README, DESIGN = ROOT / 'README.md', ROOT / 'doc' / 'design.md'
+RESULTS = ROOT / 'benchmark' / 'RESULTS.md'
+MEASURED, SENSITIVITY = 'measured', 'sensitivity'       # marks
 FIGURES = {'F': 'F', 'F1': 'F at 1 px', 'whole': 'whole', 'curved whole': 'long lines whole',
            'fragments': 'fragments', 'rms': 'rms, px'}
 OVER_OURS = 'over ours'
-WHOLE = 'The lens', 'Overhead of the node'     # sections that are quoted as they stand
 Row = dict[str, str]
 
 
 def body(report: str, title: str) -> str:
-    """Return what stands in the section whose title begins so."""
+    """Return the text of the section whose title begins with ``title``."""
     found = re.search(rf'^## {title}.*?\n(.*?)(?=^## |\Z)', report, re.DOTALL | re.MULTILINE)
     if found is None:
         raise ValueError(f'the report has no section {title!r}')
@@ -29,8 +32,8 @@ def body(report: str, title: str) -> str:
 
 
 def rows(report: str, title: str) -> list[Row]:
-    """Return the rows of all tables of the section whose title begins so, by their columns."""
-    result = []
+    """Return the rows of all tables of a section, as texts by the names of their columns."""
+    result: list[Row] = []
     for block in re.findall(r'(?:^\|.*\n?)+', body(report, title), re.MULTILINE):
         header, _, *lines = ([cell.strip() for cell in line.strip('|').split('|')]
                              for line in block.splitlines())
@@ -48,12 +51,13 @@ def summary(report: str) -> str:
              if OVER_OURS in row}
     lines = []
     for detector, of_levels in accuracy.items():
-        means = [np.nanmean([_value(row[name]) for row in of_levels]) for name in FIGURES]
+        means = [float(np.nanmean([_value(row[name]) for row in of_levels])) for name in FIGURES]
         lines.append((detector, *map(number, means), times[detector]))
     images = re.search(r'^## (Accuracy on \d+ annotated images)', report, re.MULTILINE)
+    assert images is not None, 'rows() has found this section'
     levels = len(next(iter(accuracy.values())))
     return (f'{images[1]}, means over {levels} levels of distortion, and CPU time on one thread; '
-            f'all else, and what the figures mean: [{RESULTS.name}](benchmark/{RESULTS.name}).'
+            f'definitions and all other results: [{RESULTS.name}](benchmark/{RESULTS.name}).'
             '\n\n' + table(('detector', *FIGURES.values(), 'CPU time over ours'), lines))
 
 
@@ -61,20 +65,21 @@ def _value(cell: str) -> float:
     return float('nan') if cell == '-' else float(cell)
 
 
-def quoted(report: str) -> str:
-    """Return all that the README quotes."""
-    return '\n\n'.join([summary(report)] + [f'### {title}\n\n{body(report, title)}'
-                                            for title in WHOLE])
-
-
-def renewed(readme: str, report: str) -> str:
-    """Return the README with what it quotes of a report between its marks."""
-    pattern = re.compile(f'(?<={BEGIN}).*?(?={END})', re.DOTALL)
-    text, count = pattern.subn(lambda _: quoted(report) + '\n', readme)
+def renewed(text: str, mark: str, quotation: str) -> str:
+    """Return a document with a quotation in place of the old one, between the marks of a name."""
+    begin, end = f'<!-- {mark} -->\n', f'<!-- end of {mark} -->\n'
+    pattern = re.compile(f'(?<={begin}).*?(?={end})', re.DOTALL)
+    text, count = pattern.subn(lambda _: f'{quotation}\n', text)
     if count != 1:
-        raise ValueError(f'README.md lacks the marks\n{BEGIN}{END}')
+        raise ValueError(f'a document must have these marks once:\n{begin}{end}')
     return text
 
 
+def renew(path: Path, mark: str, quotation: str) -> None:
+    """Renew a quotation in a file."""
+    text = renewed(path.read_text(encoding='utf-8'), mark, quotation)
+    path.write_text(text, encoding='utf-8')
+
+
 if __name__ == '__main__':
-    README.write_text(renewed(README.read_text(), RESULTS.read_text()))
+    renew(README, MEASURED, summary(RESULTS.read_text(encoding='utf-8')))

@@ -24,7 +24,7 @@ def table(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
 
 
 def number(value: float, digits: int = 3) -> str:
-    """Return a number with so many digits after the point, - for nan."""
+    """Return a number with a fixed count of digits after the point, - for nan."""
     return '-' if math.isnan(value) else f'{value:.{digits}f}'
 
 
@@ -41,12 +41,12 @@ def picture(path: Path, output: Path, text: str) -> str:
 
 
 def section(title: str, *parts: str) -> str:
-    """Return a section: its parts are paragraphs, tables and pictures."""
+    """Return a section; its parts are paragraphs, tables and pictures."""
     return '\n\n'.join([f'## {title}', *parts]) + '\n'
 
 
 def conditions(command: str) -> str:
-    """Return the section on what was measured, where and when."""
+    """Return the section on the machine, the revision and the versions of all libraries."""
     now = datetime.datetime.now(datetime.timezone.utc)
     versions = {'Python': platform.python_version(), 'OpenCV': cv2.__version__}
     for name in PACKAGES:
@@ -56,7 +56,7 @@ def conditions(command: str) -> str:
             versions[name] = 'not installed'
     return section(
         'Conditions', f'Written by `{command}`, not edited by hand.',
-        table(('what', ''), [
+        table(('condition', 'value'), [
             ('date', f'{now:%Y-%m-%d %H:%M} UTC'), ('revision', _revision()),
             ('processor', _processor()), ('cores', len(os.sched_getaffinity(0))),
             ('system', f'{platform.system()} {platform.release()} {platform.machine()}'),
@@ -69,7 +69,7 @@ def _processor() -> str:
 
 
 def _revision() -> str:
-    """Return the commit measured, and whether files of the package differed from it."""
+    """Return the commit, and whether files of the package differ from it."""
     def git(*arguments: str) -> str:
         return subprocess.run(['git', '-C', str(ROOT), *arguments], capture_output=True,
                               text=True).stdout.strip()

@@ -1,21 +1,23 @@
 """
 CPU time of detectors, side by side.
 
-All run in turn in one process, round after round, so that whatever slows the machine slows all
-alike; the figure is the median of the CPU time of the process.  The first round is not counted,
-except for what takes longer than 0.2 s, which runs only once.
+All detectors run in turn in one process, round after round: a slow phase of the machine slows all
+of them alike.  The figure is the median of the CPU time of the process.  The first round does not
+count, except for a detector that takes longer than 0.2 s, which runs only once.
 """
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 import time
+from typing import Any, TypeVar
 
 from benchmark.peers import load
 import numpy as np
 from tqdm import tqdm
 
 SLOW = 0.2      # s, of a single run
+Result = TypeVar('Result')
 
 
 @dataclass(frozen=True)
@@ -52,7 +54,7 @@ def _measure_one(gray: np.ndarray, names: Sequence[str], rounds: int) -> dict[st
     return {name: Timing(1e3 * float(np.median(times[name])), counts[name]) for name in names}
 
 
-def run(function, *arguments):
+def run(function: Callable[..., Result], *arguments: Any) -> tuple[float, Result]:
     """Return the CPU time in s that a call takes, and its result."""
     start = time.process_time()
     result = function(*arguments)
@@ -60,5 +62,5 @@ def run(function, *arguments):
 
 
 def ratio(timings: Timings, name: str, to: str) -> float:
-    """Return how many times as long as ``to`` a detector takes: geometric mean over images."""
+    """Return the time of a detector over that of ``to``: geometric mean over images."""
     return float(np.exp(np.mean([np.log(row[name].ms / row[to].ms) for row in timings.values()])))

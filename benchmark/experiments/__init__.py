@@ -1,1 +1,1 @@
-"""One experiment of the benchmark each."""
+"""The experiments of the benchmark, one in each module, and methods that only they use."""

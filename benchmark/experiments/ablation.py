@@ -1,8 +1,8 @@
 """
-What each departure from the published method brings, one added to the other.
+The gain of each departure from the published method, added one after the other.
 
-The steps are put together from the published method (:mod:`qflsd_ros.core.paper`) and the
-detector: single functions of both are replaced for as long as a step runs.
+The steps combine the published method (:mod:`qflsd_ros.core.paper`) and the detector: a step
+replaces single functions of both while it runs.
 """
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ BARE = Parameters(max_gap=0.0, min_score=-1000.0, min_distance=0.0)
 
 
 def _named(kernel: Any, arguments: tuple[Any, ...], *names: str) -> list[Any]:
-    """Return those of a kernel's arguments that have these names."""
+    """Return the arguments of a kernel that belong to parameters of these names."""
     bound = inspect.signature(kernel.py_func).bind(*arguments).arguments
     return [bound[name] for name in names]
 
@@ -60,7 +60,7 @@ def _chains(gray: np.ndarray, parameters: Parameters) -> list[np.ndarray]:
 
 
 def _whole_pixels(*arguments: Any) -> None:
-    """Locate edges at the middles of their pixels."""
+    """Locate edges at the centres of their pixels."""
     _LOCATE(*arguments)
     width, pixels, n, points = _named(_LOCATE, arguments, 'width', 'pixels', 'n', 'points')
     points[1, :n], points[0, :n] = np.divmod(pixels[:n], width)
@@ -113,7 +113,7 @@ class Outcome(NamedTuple):
 
 
 def count(task: Task) -> Outcome:
-    """Run a step on an image, after a first run on a small part of it."""
+    """Run a step on an image, after a first run that compiles, on a small part of it."""
     gray, detect = task.view.gray, STEPS[task.step]
     detect(gray[:64, :64])
     start = time.process_time()
@@ -142,7 +142,8 @@ def measure(experiment: Experiment) -> str:
                      significant(1e3 * float(np.median([one.seconds for one in some])))))
     return section(
         'What each step brings', f'{len(views)} images through regular, wide and fisheye lenses, '
-        'at 2 px and 5 degrees; each step has all those above it. The first is plain numpy, the '
-        'others are compiled; chains are those of our own edge map; validation includes the '
-        'choice among parallel arcs. Time: median of the CPU time of single runs, in ms.',
+        'at 2 px and 5 degrees; each step includes all steps above it. The first is plain '
+        'numpy, the '
+        'others are compiled; chains come from our own edge map; validation includes the '
+        'suppression of parallel arcs. Time: median of the CPU time of single runs, in ms.',
         table(('step', 'P', 'R', 'F', 'whole', 'curved whole', 'rms', 'found', 'ms'), rows))

@@ -1,6 +1,9 @@
 """Accuracy of all detectors on all annotated images, and on chess boards."""
 from __future__ import annotations
 
+from collections.abc import Iterable
+from typing import Any
+
 from benchmark.datasets import Board, View
 from benchmark.experiment import Experiment
 from benchmark.metrics import Comparison, Counts, sample
@@ -15,14 +18,16 @@ RULES = '2 px', '1 px', 'curved'
 EXPLANATION = (
     'P, R, F: precision, recall and their harmonic mean, by length, at 2 px and 5 degrees; F1: F '
     'at 1 px; whole: share of the lines that one single detection covers to 75 %; fragments: '
-    'detections on a line; duplicates: how often a covered px is reported; rms: distance of what '
-    'matches from the annotation, px; curved whole: whole, of lines of 60 px or more that leave '
-    'their chord by 2 px or more (where the lens bends none: of all of that length). '
+    'detections on a line; duplicates: number of detections that cover a covered px; rms: '
+    'distance of '
+    'matched pieces from the annotation, px; curved whole: whole, of lines of 60 px or more '
+    'that leave '
+    'their chord by 2 px or more (through a lens without distortion: all of that length). '
     'Exact definitions: [metrics.py](metrics.py).')
 
 
 def count_view(task: tuple[tuple[str, ...], View]) -> Sums:
-    """Compare what all detectors find in an image with its annotation."""
+    """Compare the detections of all detectors in an image with its annotation."""
     names, view = task
     gray, truth = view.gray, sample(view.lines)
     sums: Sums = {}
@@ -38,9 +43,9 @@ def count_view(task: tuple[tuple[str, ...], View]) -> Sums:
 
 def count_board(task: tuple[tuple[str, ...], Board]) -> Sums:
     """
-    Compare what all detectors find on a chess board with the sides of its squares.
+    Compare the detections of all detectors on a chess board with the sides of its squares.
 
-    Around the board nothing is annotated: precision is of what lies within its outline.
+    Only the board is annotated: precision counts the pieces of detections within its outline.
     """
     names, board = task
     gray, truth = board.gray, sample(board.sides)
@@ -63,12 +68,12 @@ def measure(experiment: Experiment) -> str:
     parts = [EXPLANATION, _views(sums)]
     if boards:
         sums = _sum(each(count_board, [(names, board) for board in boards], 'chess boards'))
-        parts += [f'{len(boards)} chess boards, sides of their squares; precision within the '
-                  'outline of the board alone.', _boards(sums)]
+        parts += [f'{len(boards)} chess boards, sides of their squares; precision counts '
+                  'the detections within the outline of the board.', _boards(sums)]
     return section(f'Accuracy on {len(views)} annotated images', *parts)
 
 
-def _sum(results) -> Sums:
+def _sum(results: Iterable[tuple[Any, Sums]]) -> Sums:
     total: Sums = {}
     for _, sums in results:
         for key, counts in sums.items():

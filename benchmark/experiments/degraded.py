@@ -1,4 +1,4 @@
-"""Dark, low-contrast, noisy and blurred copies of annotated images: how far the accuracy falls."""
+"""Loss of accuracy on dark, low-contrast, noisy and blurred copies of annotated images."""
 from __future__ import annotations
 
 from collections.abc import Callable
@@ -51,7 +51,7 @@ class Task(NamedTuple):
 
 
 def count(task: Task) -> dict[str, Counts]:
-    """Count what each detector finds."""
+    """Return the counts of each detector."""
     gray, truth = COPIES[task.copy](task.view.gray), sample(task.view.lines)
     return {name: Comparison(sample(load(name)(gray)), truth).count(min_truth=MIN_TRUTH)
             for name in task.names}
@@ -70,9 +70,9 @@ def measure(experiment: Experiment) -> str:
     return section(
         'Degraded copies',
         f'F at 2 px and 5 degrees of {len(views)} images of all levels and of copies of them, '
-        'everybody with the same settings as on the originals; in brackets, the share of that '
+        'all detectors with their settings for the originals; in brackets, as a share of F '
         'on the originals.', _table(sums, names),
-        'Wanted: that ours falls less than that of the peer that falls least.',
+        'Goal: our share is larger than that of every peer.',
         _marks(sums, names))
 
 
@@ -98,4 +98,4 @@ def _marks(sums: Sums, names: tuple[str, ...]) -> str:
         ours, theirs = share(sums, OURS, copy), share(sums, best, copy)
         rows.append((copy, load(best).title, number(theirs), number(ours),
                      'yes' if ours > theirs else 'no'))
-    return table(('copy', 'peer that falls least', 'its share', 'ours', 'reached'), rows)
+    return table(('copy', 'best peer', 'its share', 'ours', 'reached'), rows)

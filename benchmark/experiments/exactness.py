@@ -1,22 +1,22 @@
-"""Rendered scenes, whose edges are known exactly: what annotations by hand cannot show."""
+"""Accuracy on rendered scenes with exact truth, finer than annotations by hand."""
 from __future__ import annotations
 
 from typing import NamedTuple
 
-from benchmark import scenes
 from benchmark.experiment import Experiment
-from benchmark.experiments.rendered import FIELD
-from benchmark.lenses import EquidistantLens, Lens
 from benchmark.metrics import Comparison, sample
 from benchmark.parallel import each
 from benchmark.peers import load
 from benchmark.report import number, section, table
+from benchmark.scenes import planes
+from benchmark.scenes.lenses import EquidistantLens, Lens
+from benchmark.scenes.rendered import FIELD
 from qflsd_ros.core import DivisionModel
 
 NOISE = 2.0                         # grey levels
 LAMBDAS = 0.0, -0.1, -0.25, -0.5
 TOLERANCE, MIN_TRUTH = 1.5, 20.0    # px
-SCENES = {'board': scenes.board, 'bars': scenes.bars}
+SCENES = {'board': planes.board, 'bars': planes.bars}
 
 
 class Task(NamedTuple):
@@ -31,8 +31,8 @@ class Task(NamedTuple):
 def rows(task: Task) -> list[tuple[object, ...]]:
     """Return a row of the table for every detector."""
     scene = SCENES[task.scene](task.model)
-    gray, truth = scenes.render(scene, task.model, NOISE), scenes.lines(scene, task.model)
-    result = []
+    gray, truth = planes.render(scene, task.model, NOISE), planes.lines(scene, task.model)
+    result: list[tuple[object, ...]] = []
     for name in task.names:
         peer = load(name)
         counts = Comparison(sample(peer(gray)), sample(truth)).count(TOLERANCE,
@@ -59,7 +59,7 @@ def measure(experiment: Experiment) -> str:
         f'{width}x{height} px, noise {NOISE:g} grey levels, matched at {TOLERANCE} px and 5 '
         'degrees. *board*: a line runs across all squares of a checkerboard and changes its '
         'polarity at every corner; *bars*: sides of rectangles of contrast 25 to 90 grey levels. '
-        'pieces: correct detections for 1000 px of covered truth; ideal: the same if every line '
-        'were one detection; rms: px.',
+        'pieces: correct detections on 1000 px of covered truth; ideal: lines on 1000 px of '
+        'truth; rms: px.',
         table(('detector', 'scene', 'lens', 'P', 'R', 'whole', 'pieces', 'ideal', 'rms'),
               results))

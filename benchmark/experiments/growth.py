@@ -1,11 +1,14 @@
-"""How time grows with the number of pixels and of edge pixels, from 640x480 to 3840x2160."""
+"""Growth of time with the number of pixels and of edge pixels, from 640x480 to 3840x2160."""
 from __future__ import annotations
 
-from benchmark import plots, scenes, timing
+from collections.abc import Sequence
+
+from benchmark import plots, timing
 from benchmark.experiment import Experiment
-from benchmark.experiments.rendered import room
 from benchmark.peers import EDLINES, FLOOR, LSD, OURS, TITLES
 from benchmark.report import number, picture, section, significant, table
+from benchmark.scenes import planes
+from benchmark.scenes.rendered import room
 import cv2
 import numpy as np
 from qflsd_ros.core import DivisionModel
@@ -13,11 +16,11 @@ from qflsd_ros.core import DivisionModel
 SIZES = (640, 480), (1280, 720), (1920, 1080), (2560, 1440), (3840, 2160)   # width, height
 CELLS = 0.5, 0.25, 0.12, 0.06, 0.03         # half diagonals, of the bars
 LAM = -0.25
-MOST = 1.1              # slope up to which growth is called linear
+MOST = 1.1              # largest slope of growth that is called linear
 
 
 def tiled(size: tuple[int, int]) -> np.ndarray:
-    """Return a room again and again, (H, W) uint8: what there is for each pixel stays the same."""
+    """Return copies of a room side by side, (H, W) uint8: the density of edges stays the same."""
     width, height = size
     gray = room(0, LAM, SIZES[0][::-1]).gray
     times = -(-height // gray.shape[0]), -(-width // gray.shape[1])
@@ -25,18 +28,18 @@ def tiled(size: tuple[int, int]) -> np.ndarray:
 
 
 def bars(cell: float, shape: tuple[int, int]) -> np.ndarray:
-    """Return bars: the smaller the cell, the more edge pixels there are in the same image."""
+    """Return an image (H, W) uint8 of bars; smaller cells give more edge pixels."""
     lens = DivisionModel(LAM, shape)
-    return scenes.render(scenes.bars(lens, cell), lens, 2.0)
+    return planes.render(planes.bars(lens, cell), lens, 2.0)
 
 
 def edge_pixels(gray: np.ndarray) -> int:
-    """Return the number of edge pixels that Canny's operator finds."""
+    """Return the number of edge pixels by Canny's operator."""
     return int(np.count_nonzero(cv2.Canny(cv2.GaussianBlur(gray, (5, 5), 0), 50, 150)))
 
 
-def slope(at: list[float], timings: timing.Timings, name: str) -> float:
-    """Return the exponent of the power law of time that fits best."""
+def slope(at: Sequence[float], timings: timing.Timings, name: str) -> float:
+    """Return the exponent of the power law that fits the times best."""
     return float(np.polyfit(np.log(at), np.log([row[name].ms for row in timings.values()]), 1)[0])
 
 
@@ -61,17 +64,18 @@ def measure(experiment: Experiment) -> str:
     height, width = effort.shape
     return section(
         'Growth',
-        'CPU time, one thread, medians. Pixels: a rendered room, tiled, so that there is as much '
-        f'to find for each pixel. Edge pixels: bars of {len(cells)} sizes in {width}x{height} px, '
+        'CPU time, one thread, medians. Pixels: a rendered room, tiled, so that the '
+        f'density of edges is the same. Edge pixels: bars of {len(cells)} sizes in '
+        f'{width}x{height} px, '
         f'{edges[0]} to {edges[-1]} edge pixels. Slope: the exponent of the power law that fits '
-        f'best, 1 where time is proportional. Wanted: not above {MOST} for ours, in both; '
+        f'best, 1 where time is proportional. Goal: not above {MOST} for ours, in both; '
         f'reached: {"yes" if reached else "no"}.',
         table(('detector', *(f'{size}, ms' for size in sizes), 'slope over pixels',
                'slope over edge pixels'), rows),
         picture(path, experiment.output, 'Time against pixels and edge pixels'))
 
 
-def _panel(x: str, at: list[float], timings: timing.Timings) -> plots.Panel:
+def _panel(x: str, at: Sequence[float], timings: timing.Timings) -> plots.Panel:
     names = next(iter(timings.values()))
     return plots.Panel('', x, 'CPU time, ms', {
         name: (at, [row[name].ms for row in timings.values()]) for name in names},

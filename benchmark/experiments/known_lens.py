@@ -1,4 +1,4 @@
-"""What it is worth to know the lens: the same images detected without it and with it."""
+"""The gain by a known lens: the same images, detected without the lens and with it."""
 from __future__ import annotations
 
 from typing import NamedTuple
@@ -14,28 +14,30 @@ from benchmark.timing import run
 import numpy as np
 from qflsd_ros.core import Arcs, Detector, DivisionModel, estimate_distortion
 
-SHORT = 80.0            # px, below which an arc's edge points say little of its curvature
-ROUNDS = 7              # runs that a median CPU time is taken of
+SHORT = 80.0            # px, length below which edge points hardly determine an arc's curvature
+ROUNDS = 7              # runs of which the median CPU time is taken
 # By what the report calls it: whether curved lines alone count, and the figure.
 FIGURES = {'P': (False, 'precision'), 'R': (False, 'recall'), 'F': (False, 'f_measure'),
            'whole': (False, 'whole'), 'curved whole': (True, 'whole'),
            'fragments': (False, 'fragments')}
 EXPLANATION = (
-    'Annotated images, lens unknown / known by the arcs of the very same image, at 2 px and 5 '
-    'degrees; *told*: images that tell it, all others go without; curved whole: whole, of lines '
-    f'of {MIN_CURVED:g} px or more that leave their chord by {BENT:g} px or more (where the lens '
-    'bends none: of all of that length); CPU time: of detection with the lens over that without.')
+    'Annotated images, lens unknown / estimated from the arcs of the same image, at 2 px and 5 '
+    'degrees; *estimated*: images with an estimate, the others are detected without; curved '
+    'whole: whole, of lines '
+    f'of {MIN_CURVED:g} px or more that leave their chord by {BENT:g} px or more (through a '
+    'lens without distortion: all of that length); CPU time: of detection with the lens over '
+    'that without.')
 
 
 class Found(NamedTuple):
-    """Counts of all lines of an image, and of those that are curved."""
+    """Counts of all lines of an image, and of its curved lines."""
 
     every: Counts
     curved: Counts
 
 
 class Used(NamedTuple):
-    """What is found without the lens and with it, and CPU times in s; 0 where it is not told."""
+    """Counts without the lens and with it, and CPU times in s; 0 without an estimate."""
 
     unknown: Found
     known: Found
@@ -44,7 +46,7 @@ class Used(NamedTuple):
 
 
 def sagitta_errors(arcs: Arcs, lens: DivisionModel) -> np.ndarray:
-    """Return how far short arcs are from the sagitta of straight edges' pictures, (M,) px."""
+    """Return errors (M,) px of the sagitta of short arcs, against images of straight edges."""
     rows = arcs.table[arcs.table['length'] < SHORT]
     chord = rows['end'] - rows['start']
     normals = np.column_stack([chord[:, 1], -chord[:, 0]]) / np.hypot(*chord.T)[:, None]
@@ -53,14 +55,14 @@ def sagitta_errors(arcs: Arcs, lens: DivisionModel) -> np.ndarray:
 
 
 def use(view: View) -> Used:
-    """Detect the lines of an image, and again with the lens that they tell."""
+    """Detect the lines of an image, and again with the lens estimated from them."""
     gray, truth, detector = view.gray, sample(view.lines), Detector()
     arcs = detector.detect(gray)
     unknown, estimate = _found(arcs, truth, view), estimate_distortion([arcs], gray.shape)
     if estimate is None:
         return Used(unknown, unknown, 0.0, 0.0)
     known = _found(detector.detect(gray, lens=estimate.model), truth, view)
-    # In turn, so that whatever slows the machine slows both.
+    # In turn: a slow phase of the machine slows both.
     times = [[run(detector.detect, gray, None, lens)[0] for lens in (None, estimate.model)]
              for _ in range(ROUNDS)]
     return Used(unknown, known, *np.median(times, axis=0).tolist())
@@ -78,7 +80,7 @@ def measure(experiment: Experiment) -> str:
     levels: dict[str, list[Used]] = {view.level: [] for view in views}
     for view, used in each(use, views, 'known lens'):
         levels[view.level].append(used)
-    return table(('level', 'images', 'told', *FIGURES, 'CPU time'),
+    return table(('level', 'images', 'estimated', *FIGURES, 'CPU time'),
                  [(level, len(images), sum(used.seconds > 0 for used in images),
                    *_cells(images)) for level, images in levels.items()])
 

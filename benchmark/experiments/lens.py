@@ -1,4 +1,4 @@
-"""The lens by the arcs of single frames: how far off, how honest, and what it is worth."""
+"""The estimate of the lens from single frames: its error, its deviation, and its use."""
 from __future__ import annotations
 
 from collections.abc import Callable
@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 from benchmark.experiment import Experiment
 from benchmark.experiments import known_lens
-from benchmark.experiments.rendered import room, TURN
 from benchmark.report import number, section, significant, table
+from benchmark.scenes.rendered import room, TURN
 from benchmark.timing import run
 import numpy as np
 from qflsd_ros.core import Detector, DivisionModel, estimate_distortion
@@ -19,15 +19,16 @@ FRAMES_A_VIEW = 4       # frames of the room for each of its viewpoints under ot
 
 
 EXPLANATION = (
-    'Lambda from the arcs of single frames of the rendered room; *told*: frames that tell it, all '
-    'others say so; error over deviation: rms, 1 where the deviation is honest; CPU time of the '
-    'estimate alone, median; sagitta: error of that of arcs below '
+    'Lambda from the arcs of single frames of the rendered room; *estimated*: frames with an '
+    'estimate, in the others the lens is not observable; error over deviation: rms, 1 for a '
+    'correct '
+    'deviation; ms: median CPU time of the estimate alone; sagitta: its error, for arcs below '
     f'{known_lens.SHORT:g} px, median, px, lens unknown / known.')
 
 
 class Measured(NamedTuple):
     """
-    What a frame says of its lens.
+    The estimate of the lens from one frame.
 
     Error of lambda and that over its deviation, nan if there is none; CPU time of the estimate,
     ms; errors of short arcs' sagitta with the lens unknown and known, (M,) px.
@@ -62,19 +63,19 @@ def measure(experiment: Experiment) -> str:
             for lam in tqdm(LAMBDAS[::effort.every], 'lenses')]
     return section(
         'The lens', EXPLANATION,
-        table(('lambda', 'frames', 'told', 'error, median', 'error, largest',
+        table(('lambda', 'frames', 'estimated', 'error, median', 'error, largest',
                'error over deviation', 'ms', 'sagitta'), rows),
         known_lens.EXPLANATION, known_lens.measure(experiment))
 
 
 def _cells(measured: list[Measured]) -> list[object]:
     error, normalised, ms = np.array([frame[:3] for frame in measured]).T
-    told = np.isfinite(error)
-    off = np.abs(error[told])
+    estimated = np.isfinite(error)
+    off = np.abs(error[estimated])
     unknown, known = (np.concatenate([getattr(frame, which) for frame in measured])
                       for which in ('unknown', 'known'))
-    return [len(measured), int(told.sum()), number(_or_nan(np.median, off), 4),
-            number(_or_nan(np.max, off), 4), number(_or_nan(_rms, normalised[told]), 2),
+    return [len(measured), int(estimated.sum()), number(_or_nan(np.median, off), 4),
+            number(_or_nan(np.max, off), 4), number(_or_nan(_rms, normalised[estimated]), 2),
             significant(float(np.median(ms))),
             f'{number(_or_nan(np.median, unknown))} / {number(_or_nan(np.median, known))}']
 

@@ -1,4 +1,4 @@
-"""Memory: whether it grows while one detector works on many different frames."""
+"""Growth of memory while one detector works on many different frames."""
 from __future__ import annotations
 
 from collections.abc import Iterator
@@ -16,13 +16,13 @@ import numpy as np
 from qflsd_ros.core import Detector
 from tqdm import tqdm
 
-EVERY = 50              # frames from one look at the memory to the next
-SETTLED = 0.2           # share of the frames after which memory should grow no more
+EVERY = 50              # frames between two readings of the memory
+SETTLED = 0.2           # share of the frames after which memory should not grow
 KILOBYTE = 1.024e-3     # MB
 
 
 def frames(views: list[View], shape: tuple[int, int], count: int) -> Iterator[np.ndarray]:
-    """Return so many images (H, W) uint8, no two alike: parts of others, turned and dimmed."""
+    """Yield ``count`` different images (H, W) uint8: flipped and dimmed parts of others."""
     random = np.random.default_rng(0)
     images = [view.gray for view in views]
     height, width = shape
@@ -37,14 +37,14 @@ def frames(views: list[View], shape: tuple[int, int], count: int) -> Iterator[np
 
 
 def memory() -> tuple[float, float]:
-    """Return the memory that this process has now, and the most that it ever had, in MB."""
+    """Return the memory of this process now, and its peak, in MB."""
     status = Path('/proc/self/status').read_text()
     now, most = (int(status.split(f'{name}:')[1].split()[0]) for name in ('VmRSS', 'VmHWM'))
     return now * KILOBYTE, most * KILOBYTE
 
 
 def run(folder: str, shape: tuple[int, int], count: int) -> np.ndarray:
-    """Return (N, 3): number of frames so far, MB then, and the most MB so far."""
+    """Return (N, 3): number of frames, memory then, and its peak until then, MB."""
     views = Dataset.read(folder).views[:24]
     detector = Detector()
     detector.warm_up()
@@ -70,12 +70,12 @@ def measure(experiment: Experiment) -> str:
     plots.save(path, [plots.Panel('', 'frames', 'memory of the process, MB', {
         OURS: (points[:, 0], points[:, 1])}, limits=(0, 1.3 * points[:, 1].max()))])
     return section(
-        'Memory', f'One detector, {experiment.effort.endurance} frames of {width}x{height} px, no '
-        'two alike, in a process of its own: what it has in memory, with Python, OpenCV, numba '
-        'and the images that the frames are made of.',
+        'Memory', f'One detector, {experiment.effort.endurance} different '
+        f'frames of {width}x{height} px: memory of a process of its own, with Python, OpenCV, '
+        'numba and the images from which the frames are cut.',
         table(('figure', 'MB'), [
             (f'after {points[0, 0]:.0f} frames', number(points[0, 1], 1)),
-            ('at the end', number(points[-1, 1], 1)), ('the most', number(points[-1, 2], 1)),
+            ('at the end', number(points[-1, 1], 1)), ('peak', number(points[-1, 2], 1)),
             ('growth over 1000 frames, after the first fifth', number(slope, 3))]),
         picture(path, experiment.output, 'Memory against frames'))
 

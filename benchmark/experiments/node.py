@@ -1,8 +1,8 @@
-"""The node: how long a frame takes through it, and what its messages cost."""
+"""The node: latency of a frame, and CPU time of its messages."""
 from __future__ import annotations
 
 from array import array
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 import os
 import sys
@@ -10,8 +10,8 @@ import time
 
 from benchmark import plots
 from benchmark.experiment import Experiment
-from benchmark.experiments.rendered import room
 from benchmark.report import number, picture, ROOT, section, table
+from benchmark.scenes.rendered import room
 from benchmark.timing import run
 import cv2
 import numpy as np
@@ -32,11 +32,11 @@ from tqdm import tqdm
 
 SIZES = (320, 240), (640, 480), (1280, 720), (1920, 1080)       # width, height
 LAM = -0.25
-PATIENCE = 120.0        # s for the node's first result; the first start ever compiles
+PATIENCE = 120.0        # s until the node's first result; a start without cached kernels compiles
 LOST = 2.0              # s after which a frame counts as lost
-WARM_UP = 3             # frames of a kind that are not counted
+WARM_UP = 3             # first frames of a kind, which do not count
 NUMBERS = 10, 30, 100, 300, 1000        # of arcs in a message
-ENCODINGS = {
+ENCODINGS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     'mono8': lambda gray: gray,
     'bgr8': lambda gray: cv2.cvtColor(gray, cv2.COLOR_GRAY2BGR),
     'rgba8': lambda gray: cv2.cvtColor(gray, cv2.COLOR_GRAY2RGBA),
@@ -84,10 +84,10 @@ class Client(Node):
 
 @contextmanager
 def client() -> Iterator[Client]:
-    """Run the node as a process of its own, and give a client of it."""
+    """Run the node as a process of its own; yield a client of it."""
     domain = free_domain()
     os.environ.update(ROS_DOMAIN_ID=str(domain), ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST')
-    # Both sides need it: without, images of more than 512 KiB are lost.
+    # Both sides need this profile: without it, images of more than 512 KiB are lost.
     os.environ.setdefault('FASTRTPS_DEFAULT_PROFILES_FILE', str(ROOT / 'config' / 'fastdds.xml'))
     context = Context()
     rclpy.init(args=[], context=context, domain_id=domain)
@@ -140,9 +140,9 @@ def message_costs(rounds: int) -> dict[str, list[float]]:
 
 
 def repeated(arcs: Arcs, count: int) -> Arcs:
-    """Return a result of so many arcs, without pixels, by repeating those of another."""
+    """Return a result of ``count`` arcs, without pixels, that repeats those of another."""
     if not len(arcs):
-        raise ValueError('arcs is empty: there is nothing to repeat')
+        raise ValueError('arcs is empty: must have at least one arc')
     table_ = np.resize(arcs.table, count)
     return Arcs(table_, np.zeros((0, 2)), np.zeros((0, 2), np.int32), np.zeros(count + 1, int))
 
@@ -158,8 +158,9 @@ def measure(experiment: Experiment) -> str:
             for (name, times), kind in zip(costs.items(), kinds)]
     return section(
         'The node', 'From publishing an image to receiving its segments, over DDS between two '
-        'processes, one frame at a time, wall time; the frame is a rendered room. The sender '
-        'and receiver here is Python too, and its time is part of it.', latencies(experiment),
-        'CPU time in ms to build and serialise one message with so many arcs:',
+        'processes, one frame at a time, wall time; the frame is a rendered room. The '
+        'figures include the time of the sender and receiver, which is Python, too.',
+        latencies(experiment),
+        'CPU time in ms to build and serialise one message, by its number of arcs:',
         table(('topic', 'type', *(f'{count} arcs' for count in NUMBERS)), rows),
         picture(path, experiment.output, 'Cost of messages against number of arcs'))

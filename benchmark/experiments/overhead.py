@@ -1,4 +1,4 @@
-"""What the node adds to the detection, where a frame's time goes, and what one core sustains."""
+"""Overhead of the node: the parts of a frame's time, and the rate that one core sustains."""
 from __future__ import annotations
 
 from collections.abc import Iterator
@@ -13,8 +13,8 @@ import time
 
 from benchmark.experiment import Experiment
 from benchmark.experiments.node import message, PATIENCE
-from benchmark.experiments.rendered import room
 from benchmark.report import number, ROOT, section, table
+from benchmark.scenes.rendered import room
 from benchmark.timing import run
 from diagnostic_msgs.msg import DiagnosticArray
 import numpy as np
@@ -28,11 +28,11 @@ from rclpy.qos import qos_profile_sensor_data, QoSProfile
 from sensor_msgs.msg import Image, PointCloud2
 
 LAM = -0.25
-FRAMES = 8              # different ones, again and again
-ROUNDS = 5              # in which what is compared is measured in turn
+FRAMES = 8              # different ones, in a cycle
+ROUNDS = 5              # in which all nodes are measured in turn
 DETECTOR = 'import sys; from qflsd_ros.ros.__main__ import detector; sys.exit(detector())'
 ON_ONE_CORE = 'import os; os.sched_setaffinity(0, {max(os.sched_getaffinity(0))}); ' + DETECTOR
-# The least that a node of rclpy can do: answer each image with as many bytes as the segments take.
+# A minimal node of rclpy: it answers each image with as many bytes as segments have.
 ECHO = """
 from array import array
 import rclpy
@@ -54,7 +54,7 @@ LOADS = ((640, 480, 'mono8', 30, 'segments'), (1280, 720, 'bgr8', 60, 'segments'
 
 
 class Camera(Node):
-    """Shows frames to a node at a rate, and takes the time of every answer."""
+    """Publishes frames at a rate, and measures the time until each answer, ms."""
 
     def __init__(self, context: Context, images: list[Image], topic: str) -> None:
         super().__init__('benchmark', context=context, enable_rosout=False)
@@ -70,7 +70,7 @@ class Camera(Node):
         self._executor.add_node(self)
 
     def connect(self) -> None:
-        """Show frames until there is an answer."""
+        """Publish frames until the first answer."""
         end = time.monotonic() + PATIENCE
         while not self.totals:
             self.play(0.5, 10)
@@ -78,7 +78,7 @@ class Camera(Node):
                 raise TimeoutError(f'the node has not answered for {PATIENCE:g} s')
 
     def play(self, seconds: float, rate: float) -> int:
-        """Show frames for a while; return their number."""
+        """Publish frames for a time in s at a rate in Hz; return their number."""
         self.totals.clear()
         begin, sent = time.monotonic(), 0
         while (now := time.monotonic() - begin) < seconds:
@@ -106,7 +106,7 @@ class Camera(Node):
 
 @contextmanager
 def camera(code: str, images: list[Image], topic: str) -> Iterator[Camera]:
-    """Run a node as a process of its own, and give a camera in front of it."""
+    """Run a node as a process of its own; yield a camera connected to it."""
     domain = free_domain()
     os.environ.update(ROS_DOMAIN_ID=str(domain), ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST')
     os.environ.setdefault('FASTRTPS_DEFAULT_PROFILES_FILE', str(ROOT / 'config' / 'fastdds.xml'))
@@ -126,7 +126,7 @@ def camera(code: str, images: list[Image], topic: str) -> Iterator[Camera]:
 
 @cache
 def pictures(width: int, height: int) -> list[np.ndarray]:
-    """Return what the camera sees: (height, width) uint8 each."""
+    """Return the frames of the camera, (height, width) uint8 each."""
     return [room(i, LAM, (height, width)).gray for i in range(FRAMES)]
 
 
@@ -135,18 +135,18 @@ def detection(grays: list[np.ndarray], seconds: float, rate: float) -> list[floa
     detector, times = Detector(), []
     for gray in itertools.islice(itertools.cycle(grays), int(seconds * rate)):
         times.append(1e3 * run(detector.detect, gray)[0])
-        time.sleep(1 / rate)  # as in the node, caches have gone cold in between
+        time.sleep(1 / rate)  # as in the node, the processor caches go cold in between
     return times[FRAMES:]
 
 
 def breakdown(seconds: float) -> str:
-    """Return where the time of a frame goes."""
+    """Return the table of the parts of a frame's time."""
     width, height, encoding, rate, topic = LOADS[0]
     grays = pictures(width, height)
     images = [message(gray, encoding) for gray in grays]
     times: dict[str, list[float]] = {'alone': [], 'echo': [], 'total': []}
     with camera(ECHO, images, topic) as to_echo, camera(DETECTOR, images, topic) as to:
-        for _ in range(ROUNDS):     # in turn, so that changes of the machine's speed hit all alike
+        for _ in range(ROUNDS):     # in turn: a slow phase of the machine slows all
             times['alone'] += detection(grays, seconds / ROUNDS, rate)
             for name, node in (('echo', to_echo), ('total', to)):
                 node.play(seconds / ROUNDS, rate)
@@ -157,14 +157,14 @@ def breakdown(seconds: float) -> str:
             ('of that: from stamp to arrival in the node (publishing, DDS, rclpy)', age - latency),
             ('of that: from arrival to published', latency),
             ('detection alone, CPU time', alone),
-            ('from stamp to received, of a node that only answers', echo),
-            ('what the node adds to both together', total - alone - echo)]
+            ('from stamp to received, of a node that only echoes', echo),
+            ('overhead: total less detection and echo', total - alone - echo)]
     return table((f'{width}x{height} {encoding} at {rate} Hz', 'ms'),
                  [(name, number(ms, 2)) for name, ms in rows])
 
 
 def sustained(seconds: float, every: int) -> str:
-    """Return what comes out under load, on one core."""
+    """Return the table of rates under load, on one core."""
     rows = []
     for width, height, encoding, rate, topic in LOADS[::every]:
         images = [message(gray, encoding) for gray in pictures(width, height)]
@@ -187,4 +187,4 @@ def measure(experiment: Experiment) -> str:
     return section(
         'Overhead of the node', 'Medians of wall time; the frames are rendered rooms.',
         breakdown(seconds), 'Under load, with the detector bound to one core; the sender is '
-        'Python, too:', sustained(seconds, every))
+        'in Python, too:', sustained(seconds, every))

@@ -1,5 +1,5 @@
 """
-The paper's Tables 1 and 2, done again.
+The paper's Tables 1 and 2, measured again.
 
 Reference: Qiao, Xu, Wang, Cheng, Dong, Quadratic Curve Fitting-Based Image Edge Line Segment
 Detection, Appl. Sci. 2023, 13(15), 8654.
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import math
 
 from benchmark import plots, timing
-from benchmark.datasets import LENSES, View
+from benchmark.datasets import Lens, LENSES, View
 from benchmark.experiment import Experiment
 from benchmark.metrics import (
     assign, Assignment, Comparison, Counts, sample, Samples, Tally)
@@ -32,20 +32,20 @@ WAYS = FOUND, AS_WHOLES, BY_LENGTH = 'lines found', 'lines as wholes', 'by lengt
 DEFINITION = (
     'TP: annotated lines of which at least 75 % is covered by detections (within 2 px and 5 '
     'degrees). FN: all other annotated lines. FP: detections of which less than 75 % lies on '
-    'annotated lines. Lines shorter than 20 px do not count, nor does what is detected on them. '
-    'Precision is TP / (TP + FP), recall TP / (TP + FN). The paper does not say what it takes '
-    'for a true positive; in its table TP + FN is the same for both methods, so it counts '
+    'annotated lines. Lines shorter than 20 px and detections on them do not count. '
+    'Precision is TP / (TP + FP), recall TP / (TP + FN). The paper does not define a '
+    'true positive; in its table TP + FN is the same for both methods, so it counts '
     'annotated lines too.')
 OTHER_WAYS = (
-    '*Lines found* is counted as above, but over all images at once, and so are two others. '
-    '*Lines as wholes* forgives neither fragments nor duplicates nor joined lines: a detection is '
-    'a line if at least 75 % of it lies on that line and it covers half of it or more; each line '
-    'is found once, every other detection is a false positive. *By length*: shares of px.')
+    'Three ways of counting over all images at once: *lines found*, as above; *lines as wholes*, '
+    'where fragments, duplicates and joined lines are errors: a detection is a line if at least '
+    '75 % of the detection lies on the line and it covers half of the line or more, each line is '
+    'found once, and every other detection is a false positive; *by length*, shares of px.')
 
 
 @dataclass(frozen=True)
 class Found:
-    """What one method found in one image: score (nan: it has none), pieces, which line it is."""
+    """Detections of one method in one image: scores (nan: none), pieces, their lines."""
 
     scores: np.ndarray
     samples: Samples
@@ -53,11 +53,11 @@ class Found:
     truth: Samples
 
     def wholes(self, threshold: float = -math.inf) -> Tally:
-        """Count lines as wholes, with all detections whose score is not below a threshold."""
+        """Count lines as wholes, without detections of a score below a threshold."""
         return self.assignment.tally(~(self.scores < threshold))
 
     def counts(self, threshold: float = -math.inf) -> Counts:
-        """Count all else, with the same detections."""
+        """Return all other counts, with the same detections."""
         keep = (~(self.scores < threshold))[self.samples.line]
         s = self.samples
         kept = Samples(s.points[keep], s.tangents[keep], s.line[keep], s.weight[keep], s.count)
@@ -84,14 +84,14 @@ class Curve:
     precision: np.ndarray
 
     def precision_at(self, recall: float) -> float:
-        """Return the precision where the recall is so high, nan where it never is."""
+        """Return the precision at a recall, nan outside the curve."""
         order = np.argsort(self.recall)
         if not self.recall.min() <= recall <= self.recall.max():
             return math.nan
         return float(np.interp(recall, self.recall[order], self.precision[order]))
 
     def recall_at(self, precision: float) -> float:
-        """Return the highest recall where the precision is so high, nan where it never is."""
+        """Return the highest recall at a precision, nan outside the curve."""
         best = math.nan
         points = list(zip(self.recall, self.precision))
         for (r, p), (s, q) in zip(points, points[1:] + points[-1:]):
@@ -103,7 +103,7 @@ class Curve:
 
 
 def curves(images: Sequence[Found], title: str, steps: int) -> dict[str, Curve]:
-    """Return precision against recall over the score, counted in each of the ways."""
+    """Return precision against recall over the score, for each way of counting."""
     scores = np.concatenate([found.scores for found in images])
     points = [point(images, threshold) for threshold in tqdm(_thresholds(scores, steps), title)]
     return {way: Curve(*np.array([of[way] for of in points]).T) for way in WAYS}
@@ -116,7 +116,7 @@ def _thresholds(scores: np.ndarray, steps: int) -> np.ndarray:
 
 
 def point(images: Sequence[Found], threshold: float) -> dict[str, tuple[float, float]]:
-    """Return recall and precision at a threshold, counted in each of the ways."""
+    """Return recall and precision at a threshold, for each way of counting."""
     counts = sum((found.counts(threshold) for found in images), Counts())
     wholes = sum((found.wholes(threshold) for found in images), Tally())
     found, by_length = counts.tally(), counts.figures()
@@ -126,7 +126,7 @@ def point(images: Sequence[Found], threshold: float) -> dict[str, tuple[float, f
 
 
 def table_one(experiment: Experiment) -> str:
-    """Do Table 1: true and false positives on undistorted images with annotated lines."""
+    """Measure Table 1: true and false positives on undistorted images with annotated lines."""
     views = experiment.dataset.of_lens('regular', experiment.effort.per_lens)
     tasks = [(name, view) for name in METHODS for view in views]
     found: dict[str, list[Found]] = {name: [] for name in METHODS}
@@ -139,7 +139,7 @@ def table_one(experiment: Experiment) -> str:
     return section(
         'Table 1: undistorted images', DEFINITION, _images(views), _rows_one(views, found),
         OTHER_WAYS, _averages(found, of_methods),
-        'Two marks, read off the curve over our validation score (`score` in the table of arcs): '
+        'Two goals, on the curve over our validation score (`score` in the table of arcs): '
         f'at the recall of LSD at least {PRECISION_GOAL} times its precision; at the precision '
         f'of the published method at least {RECALL_GOAL} times its recall.',
         _marks(of_methods), picture(path, experiment.output, 'Precision against recall'))
@@ -189,7 +189,7 @@ def _marks(of_methods: dict[str, dict[str, Curve]]) -> str:
         rows.append(_mark(way, f'recall at the precision {paper.precision[0]:.3f} as published',
                           paper.recall[0], ours.recall_at(paper.precision[0]), RECALL_GOAL,
                           f'our highest precision is {ours.precision.max():.3f}'))
-    return table(('counted', 'mark', 'theirs', 'ours', 'ratio', 'wanted', 'reached'), rows)
+    return table(('counted', 'goal', 'theirs', 'ours', 'ratio', 'wanted', 'reached'), rows)
 
 
 def _mark(way: str, text: str, theirs: float, ours: float, goal: float,
@@ -200,7 +200,7 @@ def _mark(way: str, text: str, theirs: float, ours: float, goal: float,
 
 
 def table_two(experiment: Experiment) -> str:
-    """Do Table 2: running time on images of regular, wide-angle and fisheye lenses."""
+    """Measure Table 2: running time on images of regular, wide-angle and fisheye lenses."""
     views = {lens: experiment.dataset.of_lens(lens, experiment.effort.per_lens) for lens in LENSES}
     views = {lens: of_lens for lens, of_lens in views.items() if of_lens}
     images = {view.name: view.gray for of_lens in views.values() for view in of_lens}
@@ -208,15 +208,15 @@ def table_two(experiment: Experiment) -> str:
     timings = timing.measure(images, names, experiment.effort.rounds, 'Table 2')
     return section(
         'Table 2: running time',
-        'CPU time in ms, one thread, medians, all methods in turn in one process; what takes '
-        'longer than 0.2 s runs once.',
+        'CPU time in ms, one thread, medians, all methods in turn in one process; a method '
+        'that takes longer than 0.2 s runs once.',
         _rows_two(views, images, timings), _ratios(views, timings),
         'The paper compares two programs in the same language: LSD took '
         f'{PRINTED_SECONDS[LSD]:.2f} s on average, QF-LSD {PRINTED_SECONDS[PAPER]:.2f} s, "27 '
         'times faster". Here LSD is compiled; the published method is plain numpy, ours is '
-        'compiled. So "LSD / ours" compares compiled programs, "published / ours" the same idea '
-        'in numpy and as it is now, and "LSD / published" a compiled program with numpy.',
-        'All detectors on the same images; ratios to ours are geometric means, and the least:',
+        'compiled. So "LSD / ours" compares compiled programs, "published / ours" plain numpy '
+        'with the compiled detector, and "LSD / published" a compiled program with numpy.',
+        'All detectors on the same images; ratios to ours are geometric means, and the smallest:',
         _all(names, timings))
 
 
@@ -225,14 +225,14 @@ def _all(names: Sequence[str], timings: timing.Timings) -> str:
     for name in names:
         least = min(row[name].ms / row[OURS].ms for row in timings.values())
         rows.append((load(name).title,
-                     significant(np.mean([row[name].ms for row in timings.values()])),
+                     significant(float(np.mean([row[name].ms for row in timings.values()]))),
                      significant(timing.ratio(timings, name, OURS)), significant(least)))
     return table(('detector', 'mean ms', 'over ours', 'least over ours'), rows)
 
 
-def _rows_two(views: dict[str, list[View]], images: dict[str, np.ndarray],
+def _rows_two(views: dict[Lens, list[View]], images: dict[str, np.ndarray],
               timings: timing.Timings) -> str:
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for lens, of_lens in views.items():
         for view in of_lens:
             height, width = images[view.name].shape
@@ -244,12 +244,14 @@ def _rows_two(views: dict[str, list[View]], images: dict[str, np.ndarray],
                  rows)
 
 
-def _ratios(views: dict[str, list[View]], timings: timing.Timings) -> str:
-    groups = {lens: {view.name: timings[view.name] for view in of_lens}
-              for lens, of_lens in views.items()} | {'all': timings}
+def _ratios(views: dict[Lens, list[View]], timings: timing.Timings) -> str:
+    groups: dict[str, timing.Timings] = {
+        lens: {view.name: timings[view.name] for view in of_lens}
+        for lens, of_lens in views.items()}
+    groups['all'] = timings
     rows = []
     for group, some in groups.items():
-        means = [np.mean([row[name].ms for row in some.values()]) for name in METHODS]
+        means = [float(np.mean([row[name].ms for row in some.values()])) for name in METHODS]
         ratios = [timing.ratio(some, *pair)
                   for pair in ((LSD, OURS), (PAPER, OURS), (LSD, PAPER))]
         rows.append((group, *map(significant, means), *map(significant, ratios)))

@@ -1,8 +1,8 @@
 """
-The paper's Figures 3 and 4: what LSD and what we find, every detection in a colour of its own.
+The paper's Figures 3 and 4: detections of LSD and ours, each in a colour of its own.
 
-The plates in the report are of rendered scenes; those of a data set, whose photographs may have
-any licence, go to a folder beside the figures.
+The report shows plates of rendered scenes.  Plates of a data set, whose photographs may have any
+licence, go to a folder beside the figures.
 """
 from __future__ import annotations
 
@@ -56,9 +56,9 @@ def plate(views: Sequence[View]) -> np.ndarray:
 
 
 def save(dataset: Dataset, folder: Path, count: int) -> dict[str, Path]:
-    """Write a plate for each kind of lens in a data set; return where they are."""
+    """Write a plate for each kind of lens in a data set; return the files."""
     folder.mkdir(parents=True, exist_ok=True)
-    paths = {}
+    paths: dict[str, Path] = {}
     for lens in tqdm(LENSES, 'plates'):
         views = dataset.of_lens(lens, count)
         if views:
@@ -75,9 +75,9 @@ def measure(experiment: Experiment) -> str:
     if experiment.photographs:
         save(experiment.dataset, experiment.output / PHOTOGRAPHS, count)
     return section(
-        'Figures 3 and 4: what is found', 'In each pair LSD left, ours right; every detection '
+        'Figures 3 and 4: detections', 'In each pair LSD left, ours right; every detection '
         'has a colour of its own. Rendered scenes through three kinds of lenses; the plane '
-        'scenes of the last plate are seen through an equidistant fisheye.',
+        'scenes of the last plate have an equidistant fisheye.',
         *(f'### {lens.capitalize()}\n\n'
           f'{picture(path, experiment.output, f"LSD and ours, {lens} lens")}'
           for lens, path in paths.items()))

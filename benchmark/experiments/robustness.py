@@ -1,16 +1,16 @@
 """Precision, recall and whole against noise, blur, contrast, distortion and compression."""
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from typing import NamedTuple
 
 from benchmark import plots
 from benchmark.experiment import Experiment
-from benchmark.experiments.rendered import room, TURN
 from benchmark.metrics import Comparison, Counts, sample
 from benchmark.parallel import each
 from benchmark.peers import EDLINES, load, LSD, OURS, TITLES
 from benchmark.report import number, picture, section, table
+from benchmark.scenes.rendered import room, TURN
 import cv2
 import numpy as np
 
@@ -20,25 +20,25 @@ FIGURES = {'precision': 'precision', 'recall': 'recall', 'whole': 'whole'}
 
 @dataclass(frozen=True)
 class Condition:
-    """How an image is taken; blur, contrast, noise and compression come in this order."""
+    """Conditions of an image; blur, contrast, noise and compression apply in this order."""
 
     noise: float = 2.0          # grey levels
     blur: float = 0.0           # px, standard deviation
     contrast: float = 1.0       # share of the scene's own
     lam: float = -0.25
-    quality: int = 100          # of JPEG; 100 stands for no compression at all
+    quality: float = 100        # of JPEG, whole; 100: no compression
 
     def take(self, clean: np.ndarray, seed: int) -> np.ndarray:
-        """Return a clean image as it is under this condition, (H, W) uint8."""
-        image = clean.astype(np.float32)
+        """Return a clean image under this condition, (H, W) uint8."""
+        image: np.ndarray = clean.astype(np.float32)
         if self.blur > 0:
             image = cv2.GaussianBlur(image, (0, 0), self.blur)
         image = 128 + self.contrast * (image - 128)
         image += np.random.default_rng(seed).normal(0, self.noise, image.shape)
         image = np.clip(np.rint(image), 0, 255).astype(np.uint8)
         if self.quality < 100:
-            _, data = cv2.imencode('.jpg', image, [cv2.IMWRITE_JPEG_QUALITY, self.quality])
-            image = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE)
+            _, data = cv2.imencode('.jpg', image, [cv2.IMWRITE_JPEG_QUALITY, int(self.quality)])
+            return np.asarray(cv2.imdecode(data, cv2.IMREAD_GRAYSCALE))
         return image
 
 
@@ -61,7 +61,7 @@ class Task(NamedTuple):
 
 
 def count(task: Task) -> dict[str, Counts]:
-    """Count what each detector finds."""
+    """Return the counts of each detector."""
     view = room(task.number, task.condition.lam, task.shape, noise=0.0)
     gray, truth = task.condition.take(view.gray, task.number), sample(view.lines)
     return {name: Comparison(sample(load(name)(gray)), truth).count(min_truth=MIN_TRUTH)
@@ -73,7 +73,7 @@ def measure(experiment: Experiment) -> str:
     effort = experiment.effort
     names = tuple(name for name in (LSD, EDLINES, OURS) if name in experiment.peers)
     numbers = range(0, TURN, TURN // effort.viewpoints)
-    tasks = [Task(axis, replace(Condition(), **{axis: value}), number, effort.shape, names)
+    tasks = [Task(axis, Condition(**{axis: value}), number, effort.shape, names)
              for axis, (_, values) in AXES.items() for value in values[::effort.every]
              for number in numbers]
     sums: dict[tuple[str, float, str], Counts] = {}
@@ -93,11 +93,11 @@ def measure(experiment: Experiment) -> str:
 
 def _panel(sums: dict[tuple[str, float, str], Counts], axis: str, figure: str,
            names: tuple[str, ...]) -> plots.Panel:
-    series = {}
+    series: dict[str, tuple[plots.Values, plots.Values]] = {}
     for name in names:
         points = [(value, getattr(counts.figures(), figure))
                   for (of, value, peer), counts in sums.items() if (of, peer) == (axis, name)]
-        series[name] = tuple(zip(*points))
+        series[name] = [x for x, _ in points], [y for _, y in points]
     return plots.Panel('', AXES[axis][0], figure, series, limits=(0, 1))
 
 

@@ -1,8 +1,8 @@
 """
-Whether results depend on the number of threads, or on the versions of OpenCV and numpy.
+Differences of the results between numbers of threads and versions of OpenCV and numpy.
 
-``script/benchmark`` installs the oldest versions that the package runs with in a folder of their
-own, ``oldest`` in ``.venv``; where it could not, threads alone are compared.
+``script/benchmark`` installs the oldest supported versions in a folder of their own, ``oldest`` in
+``.venv``.  Without that folder, only numbers of threads are compared.
 """
 from __future__ import annotations
 
@@ -31,17 +31,18 @@ def views(folder: str | Path, per_level: int) -> list[View]:
 
 
 def dump(folder: str, per_level: int, threads: int, path: str) -> None:
-    """Write where the arcs of all images are, (M, 6) px each, and the versions that found them."""
+    """Write the places of the arcs of all images, (M, 6) px each, and the versions."""
     cv2.setNumThreads(threads)
     detector, found = Detector(), {}
     for i, view in enumerate(tqdm(views(folder, per_level), f'{threads} threads')):
         arcs = detector.detect(view.gray).table
         found[f'image {i}'] = np.hstack([arcs[name] for name in PLACES])
-    np.savez(path, versions=f'OpenCV {cv2.__version__}, numpy {np.__version__}', **found)
+    versions = np.array(f'OpenCV {cv2.__version__}, numpy {np.__version__}')
+    np.savez(path, allow_pickle=False, versions=versions, **found)
 
 
 def run(experiment: Experiment, threads: int, libraries: Path | None) -> dict[str, np.ndarray]:
-    """Return what :func:`dump` writes in a process of its own, with other libraries first."""
+    """Return the output of :func:`dump`, run in a process that finds other libraries first."""
     environment = dict(os.environ)
     if libraries is not None:
         environment['PYTHONPATH'] = f'{libraries}{os.pathsep}{environment.get("PYTHONPATH", "")}'
@@ -56,7 +57,7 @@ def run(experiment: Experiment, threads: int, libraries: Path | None) -> dict[st
 
 
 def difference(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> tuple[int, float]:
-    """Return on how many images the numbers of arcs differ, and by how many px other arcs do."""
+    """Return the number of images whose numbers of arcs differ, and the largest distance in px."""
     pairs = [(one[name], other[name]) for name in one if name != 'versions']
     away = [float(np.abs(a - b).max(initial=0)) for a, b in pairs if a.shape == b.shape]
     return len(pairs) - len(away), max(away, default=0.0)
@@ -75,9 +76,9 @@ def measure(experiment: Experiment) -> str:
         rows.append((str(found['versions']), threads, images, f'{away:.1e}',
                      'yes' if images == 0 and away <= MOST else 'no'))
     return section(
-        'Sameness', f'{len(usual) - 1} images, {arcs} arcs, compared with those that '
-        f'{usual["versions"]} and one thread find. Wanted: as many arcs on every image, none '
-        f'more than {number(MOST)} px away.',
+        'Sameness', f'{len(usual) - 1} images, {arcs} arcs; the reference is '
+        f'{usual["versions"]} with one thread. Goal: the same number of arcs on every image, '
+        f'each within {number(MOST)} px.',
         table(('versions', 'threads', 'images with another number of arcs',
                'largest difference, px', 'reached'), rows))
 

@@ -1,11 +1,12 @@
 """Time against resolution, edge density and number of arcs, on rendered scenes."""
 from __future__ import annotations
 
-from benchmark import plots, scenes, timing
+from benchmark import plots, timing
 from benchmark.experiment import Experiment
-from benchmark.experiments.rendered import room
 from benchmark.peers import FLOOR, LSD, OURS, TITLES
 from benchmark.report import picture, section, significant, table
+from benchmark.scenes import planes
+from benchmark.scenes.rendered import room
 import cv2
 import numpy as np
 from qflsd_ros.core import DivisionModel
@@ -41,7 +42,7 @@ def measure(experiment: Experiment) -> str:
 
 def _bars(cell: float, shape: tuple[int, int]) -> np.ndarray:
     lens = DivisionModel(LAM, shape)
-    return scenes.render(scenes.bars(lens, cell), lens, 2.0)
+    return planes.render(planes.bars(lens, cell), lens, 2.0)
 
 
 def _density(gray: np.ndarray) -> float:

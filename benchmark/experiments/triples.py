@@ -1,8 +1,8 @@
 """
 The published search for segments (Algorithm 1), compiled, with distances in px.
 
-Triples of points are drawn anywhere on a chain, until a run of the length found so far would have
-been missed by all of them with a probability below 0.01 (equations (11) and (12)).
+Triples of points are drawn anywhere on a chain, until the probability that all of them have missed
+a run as long as the longest so far is below 0.01 (equations (11) and (12)).
 """
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ def _circle(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> tuple[float, float, 
     a2, c2 = ax * ax + ay * ay, cx * cx + cy * cy
     B, C = ay * c2 - a2 * cy, a2 * cx - ax * c2
     norm = math.sqrt(B * B + C * C)
-    if norm == 0:           # the contour passes the same pixel twice: nothing fits
+    if norm == 0:           # the contour passes the same pixel twice: no circle
         return math.nan, math.nan, math.nan
     return (ax * cy - ay * cx) / norm, B / norm, C / norm
 
 
 @numba.njit
 def _run(points: np.ndarray, first: int, last: int, tolerance: float) -> tuple[int, int]:
-    """Return the longest run within first to last that fits a circle through three of them."""
+    """Return the longest run within first to last on a circle through three random points."""
     i = np.random.randint(first, last + 1)
     j = np.random.randint(first, last + 1)
     k = np.random.randint(first, last + 1)
@@ -66,7 +66,7 @@ def _longest(points: np.ndarray, first: int, last: int, tolerance: float) -> tup
 @numba.njit
 def search(points: np.ndarray, tolerance: float, shortest: float,
            seed: int) -> list[tuple[int, int]]:
-    """Return the first and last of the points (n, 2) px of every run found on a chain."""
+    """Return the indices of the first and last point of every run on a chain (n, 2) px."""
     np.random.seed(seed)
     found, waiting = [(0, -1)], [(0, len(points) - 1)]
     while len(waiting):

@@ -5,7 +5,7 @@ import json
 from pathlib import Path
 
 from benchmark.datasets import Dataset, DatasetError, lens_of, View
-from benchmark.experiments import rendered
+from benchmark.scenes import rendered
 import numpy as np
 import pytest
 
@@ -47,11 +47,11 @@ def test_curved_lines_are_bent_by_two_pixels() -> None:
 @pytest.mark.parametrize(('files', 'message'), [
     ({}, 'manifest.json: cannot be read'),
     ({'manifest.json': []}, 'lists no image'),
-    ({'manifest.json': [{'level': 'a', 'image': 'a.png'}]}, 'a row lacks gt'),
+    ({'manifest.json': [{'level': 'a', 'image': 'a.png'}]}, 'a row has no gt'),
     ({'manifest.json': [{'level': 'a', 'image': 'a.png', 'gt': 'a.json'}],
-      'a.json': {'polylines': [{'points': [[0, 0], [1, 1]]}]}}, 'a.json: is no annotation')])
+      'a.json': {'polylines': [{'points': [[0, 0], [1, 1]]}]}}, 'a.json: is not an annotation')])
 def test_what_is_wrong_is_named(files: dict, message: str, tmp_path: Path) -> None:
-    """The error names the file and what it lacks."""
+    """The error names the file and the missing part."""
     for name, content in files.items():
         (tmp_path / name).write_text(json.dumps(content))
     with pytest.raises(DatasetError, match=message):

@@ -7,7 +7,7 @@ import sys
 
 from benchmark import peers, quote
 from benchmark.__main__ import main
-from benchmark.experiments import rendered
+from benchmark.scenes import rendered
 import pytest
 
 LARGEST = 2_000_000     # bytes of all figures
@@ -33,9 +33,17 @@ def test_one_command_writes_the_report(tmp_path: Path, monkeypatch: pytest.Monke
     assert len(list((output / 'photographs').iterdir())) == 3
 
 
+def test_some_experiments_have_a_report_of_their_own(tmp_path: Path) -> None:
+    """A partial report does not replace that of a run of all experiments."""
+    (tmp_path / 'RESULTS.md').write_text('all')
+    assert main(['--only', 'stages', '--quick', '--output', str(tmp_path)]) == 0
+    assert (tmp_path / 'RESULTS.md').read_text() == 'all'
+    assert '\n## Cost of each stage' in (tmp_path / 'partial.md').read_text()
+
+
 @pytest.mark.parametrize(('arguments', 'message'), [
     (['--data', 'nowhere'], 'nowhere/manifest.json'), (['--sequence', 'nowhere'], 'nowhere'),
-    (['--peer', 'nonsense'], "'nonsense' is no detector")])
+    (['--peer', 'nonsense'], "'nonsense' is not a detector")])
 def test_what_cannot_be_used_is_named(arguments: list[str], message: str, tmp_path: Path,
                                       capsys: pytest.CaptureFixture[str]) -> None:
     """Exit code 2 and one line."""

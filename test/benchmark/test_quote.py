@@ -1,4 +1,4 @@
-"""What the README quotes is read off the report."""
+"""Quotations in documents come from the report."""
 from __future__ import annotations
 
 from benchmark import quote
@@ -61,26 +61,25 @@ def test_figures_are_means_over_levels() -> None:
         '| qflsd_ros | 0.750 | 0.600 | 0.600 | 0.900 | 1.100 | 0.700 | 1.00 |']
 
 
-def test_sections_are_quoted_as_they_stand() -> None:
-    """With their titles a level lower, and nothing of the next one."""
-    assert quote.quoted(REPORT).endswith(
-        '\n\n### The lens\n\nOf single frames.\n\n| lambda | told |\n| --- | ---: |\n| -0.5 | 3 |'
-        '\n\n### Overhead of the node\n\n| what | ms |\n| --- | ---: |\n| all of it | 0.30 |')
+def test_a_section_ends_where_the_next_one_begins() -> None:
+    """Its text has neither its own title nor the next section."""
+    assert quote.body(REPORT, 'The lens') == (
+        'Of single frames.\n\n| lambda | told |\n| --- | ---: |\n| -0.5 | 3 |')
+    with pytest.raises(ValueError, match="no section 'Nothing'"):
+        quote.body(REPORT, 'Nothing')
 
 
-def test_only_what_is_between_the_marks_changes() -> None:
-    """What was quoted before is gone."""
-    readme = f'before\n{quote.BEGIN}old\n{quote.END}after\n'
-    assert quote.renewed(readme, REPORT) == (
-        f'before\n{quote.BEGIN}{quote.quoted(REPORT)}\n{quote.END}after\n')
-    with pytest.raises(ValueError, match='lacks the marks'):
-        quote.renewed('nothing', REPORT)
+def test_only_the_text_between_the_marks_changes() -> None:
+    """The old quotation is gone; other marks keep theirs."""
+    other = '<!-- other -->\nkept\n<!-- end of other -->\n'
+    text = f'before\n{other}<!-- mark -->\nold\n<!-- end of mark -->\nafter\n'
+    assert quote.renewed(text, 'mark', 'new') == (
+        f'before\n{other}<!-- mark -->\nnew\n<!-- end of mark -->\nafter\n')
+    with pytest.raises(ValueError, match='must have these marks once'):
+        quote.renewed('nothing', 'mark', 'new')
 
 
 def test_the_readme_quotes_the_report() -> None:
-    """As long as there is a report."""
-    readme = quote.README.read_text()
-    if quote.RESULTS.is_file():
-        assert readme == quote.renewed(readme, quote.RESULTS.read_text())
-    else:
-        assert quote.BEGIN + quote.END in readme
+    """The table in the README is that of the report in the repository."""
+    readme, report = quote.README.read_text(), quote.RESULTS.read_text()
+    assert readme == quote.renewed(readme, quote.MEASURED, quote.summary(report))

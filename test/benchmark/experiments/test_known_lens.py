@@ -5,7 +5,7 @@ from pathlib import Path
 
 from benchmark.datasets import View
 from benchmark.experiments import known_lens
-from benchmark.experiments.rendered import room, sagitta
+from benchmark.scenes.rendered import room, sagitta
 import cv2
 import numpy as np
 import pytest

@@ -1,7 +1,7 @@
 """
-Plane scenes whose edges are known exactly, seen through any lens.
+Plane scenes whose edges are known exactly, rendered through any lens.
 
-board   an endless checkerboard, turned; an edge is a whole line of it, across all squares
+board   a turned checkerboard beyond the borders of the image; an edge is a line across all squares
 bars    rectangles of random size, turn and contrast that do not touch; an edge is one side
 """
 from __future__ import annotations
@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 import math
 
-from benchmark.lenses import Lens
+from benchmark.scenes.lenses import Lens
 import cv2
 import numpy as np
 
@@ -29,7 +29,7 @@ class Scene:
     Attributes
     ----------
     shade
-        Grey levels (...,) at x and y (...,).
+        Function of x and y (...,) px; returns grey levels (...,).
     edges
         (M, 2, 2) float64, start and end of every straight edge.
 
@@ -41,7 +41,7 @@ class Scene:
 
 
 def board(lens: Lens, square: float = 0.22, turn: float = 0.2) -> Scene:
-    """Return a checkerboard as far as a lens sees; its squares are in half diagonals."""
+    """Return a checkerboard that fills a lens's image; ``square`` is a side in half diagonals."""
     reach, square = _reach(lens), square * math.hypot(*lens.shape) / 2
     axes = np.array([[math.cos(turn), math.sin(turn)], [-math.sin(turn), math.cos(turn)]])
     shift = np.array([0.3, 0.18]) * square
@@ -58,7 +58,7 @@ def board(lens: Lens, square: float = 0.22, turn: float = 0.2) -> Scene:
 
 
 def bars(lens: Lens, cell: float = 0.27, seed: int = 1) -> Scene:
-    """Return a rectangle in every square cell, of side in half diagonals, that a lens sees."""
+    """Return one rectangle in each square cell; ``cell`` is its side in half diagonals."""
     random = np.random.default_rng(seed)
     reach, cell = _reach(lens), cell * math.hypot(*lens.shape) / 2
     half = math.ceil(reach / cell)
@@ -86,14 +86,14 @@ def bars(lens: Lens, cell: float = 0.27, seed: int = 1) -> Scene:
 
 
 def _reach(lens: Lens) -> float:
-    """Return how far from its centre a scene has to go for a lens, px."""
+    """Return the distance in px from the centre that a scene must cover for a lens."""
     height, width = lens.shape
     corners = np.array([[-0.5, -0.5], [width - 0.5, height - 0.5]])
     return 1.05 * float(np.hypot(*(lens.undistort(corners) - lens.origin).T).max())
 
 
 def render(scene: Scene, lens: Lens, noise: float = 0.0, seed: int = 0) -> np.ndarray:
-    """Return the image of a scene, (H, W) uint8, with white noise of that many grey levels."""
+    """Return the image of a scene, (H, W) uint8, with white noise in grey levels."""
     height, width = lens.shape
     image = np.empty((height, width), np.float32)
     for top in range(0, height, ROWS):
@@ -101,17 +101,18 @@ def render(scene: Scene, lens: Lens, noise: float = 0.0, seed: int = 0) -> np.nd
         points = lens.undistort(_samples(rows, width) + (0, top)) - lens.origin
         fine = scene.shade(points[..., 0], points[..., 1]).astype(np.float32)
         image[top:top + rows] = cv2.resize(fine, (width, rows), interpolation=cv2.INTER_AREA)
-    image = cv2.GaussianBlur(image, (0, 0), POINT_SPREAD)
-    image += np.random.default_rng(seed).normal(0, noise, image.shape)
-    return np.clip(np.rint(image), 0, 255).astype(np.uint8)
+    blurred = cv2.GaussianBlur(image, (0, 0), POINT_SPREAD)
+    noisy = np.asarray(blurred + np.random.default_rng(seed).normal(0, noise, image.shape),
+                       np.float32)
+    return np.clip(np.rint(noisy), 0, 255).astype(np.uint8)
 
 
 def _samples(rows: int, columns: int) -> np.ndarray:
     """
     Return where pixels are sampled, (rows SUPERSAMPLING, columns SUPERSAMPLING, 2) px.
 
-    Each row of samples is shifted against the next, and each column, by the golden section: along
-    no edge do many of them lie in line, as those of a square grid do along an axis.
+    The golden section shifts each row of samples against the next, and each column: a square grid
+    would have whole rows of samples on an edge along an axis.
     """
     index = np.indices((rows * SUPERSAMPLING, columns * SUPERSAMPLING))
     order = np.arange(SUPERSAMPLING) * GOLDEN_SECTION % 1
@@ -120,7 +121,7 @@ def _samples(rows: int, columns: int) -> np.ndarray:
 
 
 def lines(scene: Scene, lens: Lens) -> list[np.ndarray]:
-    """Return what of the scene's edges is seen, exactly: (K, 2) px each."""
+    """Return the visible parts of all edges as exact polylines, (K, 2) px each."""
     limit = np.array(lens.shape[::-1]) - 1
     found = []
     for start, end in scene.edges:

@@ -1,9 +1,9 @@
 """Rendered scenes: their truth lies on their edges, through every lens."""
 from __future__ import annotations
 
-from benchmark import scenes
-from benchmark.experiments.rendered import sagitta
-from benchmark.lenses import EquidistantLens, Lens
+from benchmark.scenes import planes
+from benchmark.scenes.lenses import EquidistantLens, Lens
+from benchmark.scenes.rendered import sagitta
 import numpy as np
 import pytest
 from qflsd_ros.core import DivisionModel
@@ -35,11 +35,11 @@ def test_an_equidistant_lens_shows_angles() -> None:
 
 
 @pytest.mark.parametrize('lens', LENSES, ids=str)
-@pytest.mark.parametrize('make', [scenes.board, scenes.bars])
+@pytest.mark.parametrize('make', [planes.board, planes.bars])
 def test_truth_lies_on_the_edges(make, lens: Lens) -> None:
     """On an edge the grey level is the mean of those of its sides: within 0.1 px."""
     scene = make(lens)
-    image, lines = scenes.render(scene, lens), scenes.lines(scene, lens)
+    image, lines = planes.render(scene, lens), planes.lines(scene, lens)
     offsets = np.concatenate([edge_offsets(image, line) for line in lines])
     assert len(offsets) > 200
     assert np.abs(offsets).max() < 0.1

@@ -1,5 +1,5 @@
 """
-A data set that anybody can make: rendered scenes in the format of README.md.
+A rendered data set in the format of README.md, for runs without photographs.
 
 Eight images for each kind of lens: six views of a furnished room, a checkerboard and bars.
 """
@@ -9,9 +9,9 @@ import json
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from benchmark import scenes
 from benchmark.datasets import Dataset, MANIFEST
-from benchmark.lenses import EquidistantLens, Lens
+from benchmark.scenes import planes
+from benchmark.scenes.lenses import EquidistantLens, Lens
 import cv2
 import numpy as np
 from qflsd_ros.core import DivisionModel
@@ -27,7 +27,7 @@ TOLERANCE = 0.02        # px between a true arc and its polyline
 
 
 class Picture(NamedTuple):
-    """An image (H, W) uint8, its true lines (K, 2) px each, and its lens as annotations say it."""
+    """An image (H, W) uint8, its true lines (K, 2) px each, and its lens in annotation format."""
 
     name: str
     gray: np.ndarray
@@ -36,7 +36,7 @@ class Picture(NamedTuple):
 
 
 def room(number: int, lam: float, shape: tuple[int, int], noise: float = NOISE) -> Picture:
-    """Return a frame of the room; edges that nobody could see are left out of its lines."""
+    """Return a frame of the room, with its lines of a contrast of :data:`FAINTEST` or more."""
     height, width = shape
     gray, truth = Scene(width, height, lam, noise).frame(number)
     seen = truth.table['contrast'] >= FAINTEST
@@ -45,9 +45,9 @@ def room(number: int, lam: float, shape: tuple[int, int], noise: float = NOISE) 
 
 
 def plane(make: Any, lens: Lens, model: dict[str, Any] | None, noise: float = NOISE) -> Picture:
-    """Return :func:`scenes.board` or :func:`scenes.bars` through a lens."""
+    """Return :func:`planes.board` or :func:`planes.bars` through a lens."""
     scene = make(lens)
-    return Picture(scene.name, scenes.render(scene, lens, noise), scenes.lines(scene, lens), model)
+    return Picture(scene.name, planes.render(scene, lens, noise), planes.lines(scene, lens), model)
 
 
 def write(folder: Path, shape: tuple[int, int], per_lens: int) -> Dataset:
@@ -57,10 +57,11 @@ def write(folder: Path, shape: tuple[int, int], per_lens: int) -> Dataset:
     for level, lam in LEVELS.items():
         numbers = range(0, TURN, TURN // max(1, per_lens - 2))
         pictures = [room(number, lam, shape) for number in numbers[:per_lens - 2]]
-        lens, model = DivisionModel(lam, shape), _division(lam)
+        lens: Lens = DivisionModel(lam, shape)
+        model = _division(lam)
         if level == 'fisheye':
             lens, model = EquidistantLens(FIELD, shape), {'model': 'equidistant', 'field': FIELD}
-        pictures += [plane(make, lens, model) for make in (scenes.board, scenes.bars)]
+        pictures += [plane(make, lens, model) for make in (planes.board, planes.bars)]
         for picture in pictures:
             entries.append(_save(folder, level, picture))
             bar.update()
@@ -74,7 +75,7 @@ def _division(lam: float) -> dict[str, Any] | None:
 
 
 def sagitta(line: np.ndarray) -> float:
-    """Return how far a polyline (K, 2) leaves its chord, px."""
+    """Return the largest distance of a polyline (K, 2) from its chord, px."""
     chord, offset = line[-1] - line[0], line - line[0]
     across = offset[:, 0] * chord[1] - offset[:, 1] * chord[0]
     return float(np.abs(across).max() / max(np.hypot(*chord), 1e-9))

@@ -1,0 +1,172 @@
+"""
+The constants of the detector, and how to vary one of them.
+
+A constant is a name in capitals that a module of the detector binds to a number, to a tuple of
+numbers, or to a function of one number such as ``math.sin(math.radians(10.0))``.  The number in
+the source is varied: of the sine of an angle, the angle.
+
+numba compiles constants into the kernels.  A constant can therefore be varied only once in a
+process, and before the first frame.  Kernels that depend on it, directly or through kernels that
+they call, are then compiled anew and not cached; all others come from the cache.
+"""
+from __future__ import annotations
+
+import ast
+from collections.abc import Collection, Iterator, Sequence
+import importlib
+import inspect
+import pkgutil
+from types import ModuleType
+from typing import Any, NamedTuple
+
+from numba.core.caching import NullCache
+from numba.core.dispatcher import Dispatcher
+from qflsd_ros import core
+from qflsd_ros.core import circle, detection, detector
+
+NOT_VARIED = {
+    'column numbers, layout of memory and technical limits': (
+        'chains.BYTE_NUMBERS', 'circle.NO_LENS', 'detector.SMALLEST_IMAGE', 'edges.WEAK',
+        'edges.STRONG', 'extraction.SECTION', 'grid.CELL', 'joining.NODES', 'joining.COUNT',
+        'joining.RSS', 'joining.SIZE', 'order.GRAIN', 'suppression.CELL', 'suppression.ENTRIES'),
+    'given by theory': ('edges.SOBEL_GAIN',),
+    'in use only with a known lens': (
+        'joining.KNOWN_ERROR', 'joining.BOW', 'joining.BENT', 'joining.EASE'),
+    'in use only with a mask': ('assembly.SAMPLED',)}
+LEFT_OUT = frozenset(title for titles in NOT_VARIED.values() for title in titles)
+Name = tuple[str, str]      # module, name in it
+
+
+class Constant(NamedTuple):
+    """A constant of the detector: its module, its name there, and its expression in the source."""
+
+    module: str
+    name: str
+    source: str
+
+    @property
+    def title(self) -> str:
+        """Return module and name, without the packages."""
+        return f'{self.module.rpartition(".")[2]}.{self.name}'
+
+    def scaled(self, factor: float) -> Any:
+        """Return the value with all numbers of its expression times a factor."""
+        tree = _Scaling(factor).visit(ast.parse(self.source, mode='eval'))
+        code = compile(ast.fix_missing_locations(tree), self.title, 'eval')
+        return eval(code, vars(importlib.import_module(self.module)))
+
+
+class _Scaling(ast.NodeTransformer):
+    """Multiplies numbers; whole ones stay whole."""
+
+    def __init__(self, factor: float) -> None:
+        self._factor = factor
+
+    def visit_Constant(self, node: ast.Constant) -> ast.Constant:
+        """Return the node of the product."""
+        assert isinstance(node.value, (int, float))
+        value = node.value * self._factor
+        return ast.Constant(round(value) if isinstance(node.value, int) else value)
+
+
+def constants(left_out: Collection[str] = LEFT_OUT) -> list[Constant]:
+    """Return all constants of the detector, module by module, but for those left out."""
+    modules = [detector, circle, *(
+        importlib.import_module(f'{detection.__name__}.{found.name}')
+        for found in pkgutil.iter_modules(detection.__path__))]
+    found = [Constant(module.__name__, name, ast.unparse(value)) for module in modules
+             for name, value in _assignments(module) if _is_varied(name, value)]
+    return [constant for constant in found if constant.title not in left_out]
+
+
+def _assignments(module: ModuleType) -> Iterator[tuple[str, ast.expr]]:
+    """Return the names that a module's own statements bind, each with its expression."""
+    for statement in ast.parse(inspect.getsource(module)).body:
+        if not isinstance(statement, ast.Assign):
+            continue
+        target, value = statement.targets[0], statement.value
+        if isinstance(target, ast.Name):
+            yield target.id, value
+        elif isinstance(target, ast.Tuple) and isinstance(value, ast.Tuple):
+            for element, part in zip(target.elts, value.elts):
+                if isinstance(element, ast.Name):
+                    yield element.id, part
+
+
+def _is_varied(name: str, value: ast.expr) -> bool:
+    """Return whether an expression is a number, a tuple of numbers, or a function of one."""
+    literals = [node.value for node in ast.walk(value) if isinstance(node, ast.Constant)]
+    names = [node.id for node in ast.walk(value) if isinstance(node, ast.Name)]
+    numbers = all(type(literal) in (int, float) for literal in literals)
+    return (name.isupper() and numbers and not any(map(str.isupper, names))
+            and (len(literals) == 1 or len(literals) > 1 and isinstance(value, ast.Tuple)))
+
+
+def change(constant: Constant, factor: float) -> set[Name]:
+    """
+    Scale a constant in this process, and all that the core derives from it when it is imported.
+
+    Returns the names that have changed; RuntimeError where a kernel that depends on one of them
+    is compiled already.
+    """
+    changed = {(constant.module, constant.name)}
+    setattr(importlib.import_module(constant.module), constant.name, constant.scaled(factor))
+    modules = _core()
+    before: set[Name] = set()
+    while before != changed:
+        before = set(changed)
+        for module in modules:
+            changed |= set(_renewed(module, before))
+    _compile_anew(modules, changed)
+    return changed
+
+
+def _core() -> list[ModuleType]:
+    return [importlib.import_module(found.name) for found in
+            pkgutil.walk_packages(core.__path__, f'{core.__name__}.') if not found.ispkg]
+
+
+def _renewed(module: ModuleType, changed: set[Name]) -> Iterator[Name]:
+    """Import and compute again what a module takes from changed names; return its new names."""
+    home = module.__name__
+    for statement in ast.parse(inspect.getsource(module)).body:
+        if isinstance(statement, ast.ImportFrom) and statement.module:
+            for alias in statement.names:
+                name = alias.asname or alias.name
+                if (statement.module, alias.name) in changed and (home, name) not in changed:
+                    source = importlib.import_module(statement.module)
+                    setattr(module, name, getattr(source, alias.name))
+                    yield home, name
+    for name, value in _assignments(module):
+        if (home, name) not in changed and changed & set(_uses(value, module)):
+            setattr(module, name, eval(ast.unparse(value), vars(module)))
+            yield home, name
+
+
+def _uses(value: ast.AST, module: ModuleType) -> Iterator[Name]:
+    """Return the global names that code in a module refers to, by the module that has them."""
+    for node in ast.walk(value):
+        if isinstance(node, ast.Name):
+            yield module.__name__, node.id
+        elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
+            owner = vars(module).get(node.value.id)
+            if isinstance(owner, ModuleType):
+                yield owner.__name__, node.attr
+
+
+def _compile_anew(modules: Sequence[ModuleType], changed: set[Name]) -> None:
+    """Take the cache from all kernels that depend on changed names."""
+    kernels: dict[Name, Any] = {
+        (module.__name__, name): value for module in modules
+        for name, value in vars(module).items() if isinstance(value, Dispatcher)}
+    uses = {place: set(_uses(ast.parse(inspect.getsource(kernel.py_func)),
+                             importlib.import_module(kernel.py_func.__module__)))
+            for place, kernel in kernels.items()}
+    affected: set[Name] = set()
+    while more := {place for place in kernels.keys() - affected
+                   if uses[place] & (changed | affected)}:
+        affected |= more
+    for place in affected:
+        if kernels[place].overloads:
+            raise RuntimeError(f'{".".join(place)} is compiled with the old value of a constant')
+        kernels[place]._cache = NullCache()
