@@ -1,7 +1,8 @@
 """
-What the README quotes of the report between its marks: a table made of the report's own, and more.
+The headline table of the README: mean accuracy and time of all detectors, read off the report.
 
-Run as ``python3 -m benchmark.quote``; ``script/benchmark`` does it after a run of everything.
+It stands between two marks.  Run as ``python3 -m benchmark.quote``; ``script/benchmark`` does it
+after a run of everything.
 """
 from __future__ import annotations
 
@@ -16,7 +17,6 @@ BEGIN, END = '<!-- measured -->\n', '<!-- end of measured -->\n'
 FIGURES = {'F': 'F', 'F1': 'F at 1 px', 'whole': 'whole', 'curved whole': 'long lines whole',
            'fragments': 'fragments', 'rms': 'rms, px'}
 OVER_OURS = 'over ours'
-WHOLE = 'The lens', 'Overhead of the node'     # sections that are quoted as they stand
 Row = dict[str, str]
 
 
@@ -53,7 +53,7 @@ def summary(report: str) -> str:
     images = re.search(r'^## (Accuracy on \d+ annotated images)', report, re.MULTILINE)
     levels = len(next(iter(accuracy.values())))
     return (f'{images[1]}, means over {levels} levels of distortion, and CPU time on one thread; '
-            f'all else, and what the figures mean: [{RESULTS.name}](benchmark/{RESULTS.name}).'
+            f'exact definitions and all other results: [{RESULTS.name}](benchmark/{RESULTS.name}).'
             '\n\n' + table(('detector', *FIGURES.values(), 'CPU time over ours'), lines))
 
 
@@ -61,16 +61,10 @@ def _value(cell: str) -> float:
     return float('nan') if cell == '-' else float(cell)
 
 
-def quoted(report: str) -> str:
-    """Return all that the README quotes."""
-    return '\n\n'.join([summary(report)] + [f'### {title}\n\n{body(report, title)}'
-                                            for title in WHOLE])
-
-
 def renewed(readme: str, report: str) -> str:
-    """Return the README with what it quotes of a report between its marks."""
+    """Return the README with the summary of a report between its marks."""
     pattern = re.compile(f'(?<={BEGIN}).*?(?={END})', re.DOTALL)
-    text, count = pattern.subn(lambda _: quoted(report) + '\n', readme)
+    text, count = pattern.subn(lambda _: summary(report) + '\n', readme)
     if count != 1:
         raise ValueError(f'README.md lacks the marks\n{BEGIN}{END}')
     return text

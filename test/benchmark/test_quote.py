@@ -30,20 +30,6 @@ REPORT = """# Benchmark
 | --- | ---: | ---: |
 | LSD | 1.0 | 1.0 |
 
-## The lens
-
-Of single frames.
-
-| lambda | told |
-| --- | ---: |
-| -0.5 | 3 |
-
-## Overhead of the node
-
-| what | ms |
-| --- | ---: |
-| all of it | 0.30 |
-
 ## Speed
 
 | detector | ms |
@@ -61,18 +47,11 @@ def test_figures_are_means_over_levels() -> None:
         '| qflsd_ros | 0.750 | 0.600 | 0.600 | 0.900 | 1.100 | 0.700 | 1.00 |']
 
 
-def test_sections_are_quoted_as_they_stand() -> None:
-    """With their titles a level lower, and nothing of the next one."""
-    assert quote.quoted(REPORT).endswith(
-        '\n\n### The lens\n\nOf single frames.\n\n| lambda | told |\n| --- | ---: |\n| -0.5 | 3 |'
-        '\n\n### Overhead of the node\n\n| what | ms |\n| --- | ---: |\n| all of it | 0.30 |')
-
-
 def test_only_what_is_between_the_marks_changes() -> None:
     """What was quoted before is gone."""
     readme = f'before\n{quote.BEGIN}old\n{quote.END}after\n'
     assert quote.renewed(readme, REPORT) == (
-        f'before\n{quote.BEGIN}{quote.quoted(REPORT)}\n{quote.END}after\n')
+        f'before\n{quote.BEGIN}{quote.summary(REPORT)}\n{quote.END}after\n')
     with pytest.raises(ValueError, match='lacks the marks'):
         quote.renewed('nothing', REPORT)
 
