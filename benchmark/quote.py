@@ -48,9 +48,11 @@ def summary(report: str) -> str:
              if OVER_OURS in row}
     lines = []
     for detector, of_levels in accuracy.items():
-        means = [np.nanmean([_value(row[name]) for row in of_levels]) for name in FIGURES]
+        means = [float(np.nanmean([_value(row[name]) for row in of_levels])) for name in FIGURES]
         lines.append((detector, *map(number, means), times[detector]))
     images = re.search(r'^## (Accuracy on \d+ annotated images)', report, re.MULTILINE)
+    if images is None:
+        raise ValueError('the report has no section on the accuracy on annotated images')
     levels = len(next(iter(accuracy.values())))
     return (f'{images[1]}, means over {levels} levels of distortion, and CPU time on one thread; '
             f'exact definitions and all other results: [{RESULTS.name}](benchmark/{RESULTS.name}).'

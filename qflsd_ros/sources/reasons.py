@@ -13,11 +13,12 @@ class Reason(Enum):
     phrase
         What frames are counted by, and what diagnostics and the log call it.
     meaning
-        A line on it for the table of README.md.
+        A line on it for the table of doc/troubleshooting.md.
 
     """
 
-    UNKNOWN_ENCODING = 'unknown encoding', 'none of those above; the log names them'
+    UNKNOWN_ENCODING = ('unknown encoding', 'not one of the [encodings](messages.md#encodings) '
+                        'that the node reads; the log lists them')
     WRONG_SIZE = ('wrong size', 'width or height is 0 or above 32768, or there are more than '
                   '`max_pixels` pixels; seen before an image is decoded')
     STEP_TOO_SMALL = 'step too small', 'less than a row of pixels takes'
@@ -29,7 +30,7 @@ class Reason(Enum):
     OTHER_MASK = ('mask of another size',
                   'the file `mask` has not as many pixels as the image')
     NO_LENS = ('no lens', 'no `~/camera_info` and `~/rectified` for this image: the '
-               '[lens](#the-lens) is off, or not known yet')
+               '[lens](lens.md) is off, or not known yet')
     NO_CALIBRATION = ('no camera_info', 'no `~/planes` for this image: none has come beside '
                       '`image`; all else is published')
     OTHER_CALIBRATION = ('camera_info of another size', 'the same: it belongs to images of '
