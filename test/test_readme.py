@@ -236,6 +236,19 @@ def test_files_of_recipes_exist() -> None:
     assert missing <= TO_COME
 
 
+def test_names_in_recipes_exist() -> None:
+    """Functions and constants that recipes name are somewhere in the tree."""
+    recipes = CONTRIBUTING[CONTRIBUTING.index('## Recipes'):]
+    names = set(re.findall(r'`(_[a-z_]+|[A-Z_]{4,}|[A-Z][a-z]+[A-Za-z]*|[a-z]+_[a-z_]+)`', recipes))
+    assert len(names) > 10
+    folders = ('qflsd_ros', 'benchmark', 'script', 'test')
+    tree = '\n'.join(file.read_text() for folder in folders for file in (ROOT / folder).rglob('*')
+                     if file.suffix in ('.py', '.sh', '') and file.is_file()
+                     and file != Path(__file__))
+    for name in names:
+        assert re.search(rf'\b{name}\b', tree), name
+
+
 def test_there_are_recipes_for_the_commonest_changes() -> None:
     assert len(re.findall('^### ', CONTRIBUTING, re.MULTILINE)) >= 15
 
