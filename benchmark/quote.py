@@ -55,7 +55,7 @@ def summary(report: str) -> str:
         raise ValueError('the report has no section on the accuracy on annotated images')
     levels = len(next(iter(accuracy.values())))
     return (f'{images[1]}, means over {levels} levels of distortion, and CPU time on one thread; '
-            f'exact definitions and all other results: [{RESULTS.name}](benchmark/{RESULTS.name}).'
+            f'definitions and all other results: [{RESULTS.name}](benchmark/{RESULTS.name}).'
             '\n\n' + table(('detector', *FIGURES.values(), 'CPU time over ours'), lines))
 
 

@@ -134,7 +134,7 @@ WITH_CALIBRATION = '~/planes'
 
 class DetectorNode(Node):
     """
-    Detects arcs in images; see doc/messages.md for topics, doc/parameters.md for parameters.
+    Detects arcs in images; see the package's README for topics and parameters.
 
     Raises
     ------
