@@ -239,7 +239,8 @@ def test_files_of_recipes_exist() -> None:
 def test_names_in_recipes_exist() -> None:
     """Functions and constants that recipes name are somewhere in the tree."""
     recipes = CONTRIBUTING[CONTRIBUTING.index('## Recipes'):]
-    names = set(re.findall(r'`(_[a-z_]+|[A-Z_]{4,}|[A-Z][a-z]+[A-Za-z]*|[a-z]+_[a-z_]+)`', recipes))
+    names = set(re.findall(r'`(_[a-z_]+|[A-Z_]{4,}|[A-Z][a-z]+[A-Za-z]*|[a-z]+_[a-z_]+)`',
+                           recipes))
     assert len(names) > 10
     folders = ('qflsd_ros', 'benchmark', 'script', 'test')
     tree = '\n'.join(file.read_text() for folder in folders for file in (ROOT / folder).rglob('*')

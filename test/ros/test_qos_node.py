@@ -71,7 +71,7 @@ def flags(title: str) -> list[str]:
     ([], '/cam/image_raw'),
     (flags('read `/cam/image_raw/compressed`'), '/cam/image_raw/compressed')])
 def test_the_override_of_the_documents_beside_its_remap(peer: Peer, transport: list[str],
-                                                     topic: str) -> None:
+                                                        topic: str) -> None:
     command = shlex.split(re.search('ros2 run qflsd_ros detector (--ros-args -r .*)', RUNNING)[1])
     override = [flag.replace('/cam/image_raw', topic)
                 for flag in flags('change the quality of service')]
