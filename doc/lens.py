@@ -1,4 +1,4 @@
-"""Draw ``lens.jpg``, the second picture of the README, beside this file: python3 doc/lens.py."""
+"""Draw ``lens.jpg``, the picture of lens.md, beside this file: python3 doc/lens.py."""
 from __future__ import annotations
 
 from pathlib import Path
@@ -16,12 +16,14 @@ BITS = 4            # of fixed-point coordinates, for cv2
 
 image = Scene(*SIZE, lam=-0.6, colour=True).image(FRAME)
 arcs = Detector().detect(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY))
-lens = estimate_distortion([arcs], image.shape[:2]).model
+estimate = estimate_distortion([arcs], (SIZE[1], SIZE[0]))
+assert estimate is not None, 'the arcs of this frame determine the lens'
+lens = estimate.model
 print(f'lambda {lens.lam:.4f}')
 
 pixels = np.stack(np.meshgrid(*map(np.arange, SIZE)), axis=-1)
 seen = lens.distort((pixels - lens.origin) / ZOOM + lens.origin).astype(np.float32)
-straight = cv2.remap(image, seen, None, cv2.INTER_LINEAR)
+straight = cv2.remap(image, seen, np.empty(0, np.float32), cv2.INTER_LINEAR)
 ends = ((rectified(arcs, lens) - lens.origin) * ZOOM + lens.origin) * (1 << BITS)
 for (start, end), colour in zip(np.rint(ends).astype(int).tolist(),
                                 colours(len(arcs)).tolist()):

@@ -111,7 +111,7 @@ def prefix(tmp_path_factory: pytest.TempPathFactory) -> Path:
     # Without --ignore-installed, pip would uninstall the package from where this one runs.
     run(folder, sys.executable, '-m', 'pip', 'install', '--no-deps', '--no-build-isolation',
         '--ignore-installed', '--prefix', str(prefix), str(copy(folder)))
-    for line in section('With pip, beside a sourced ROS 2 Jazzy'):
+    for line in section('Install'):
         if line.startswith('mkdir'):
             run(folder, 'env', f'VIRTUAL_ENV={prefix}', 'bash', '-ec', line)
     return prefix
@@ -120,7 +120,7 @@ def prefix(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def section(title: str) -> list[str]:
     """Return the lines of code below a heading of the README."""
     readme = (ROOT / 'README.md').read_text()
-    text = re.search(rf'^### {title}\n(.*?)(?=^#)', readme, re.DOTALL | re.MULTILINE)[1]
+    text = re.search(rf'^## {title}\n(.*?)(?=^#)', readme, re.DOTALL | re.MULTILINE)[1]
     return [line.strip() for line in text.splitlines() if line.startswith('    ')]
 
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from conftest import Peer
 
 BEST_EFFORT, RELIABLE = ReliabilityPolicy.BEST_EFFORT, ReliabilityPolicy.RELIABLE
-README = (Path(__file__).parents[2] / 'README.md').read_text()
+RUNNING = (Path(__file__).parents[2] / 'doc' / 'running.md').read_text()
 PUBLISHED = ('/detector/segments', '/detector/arcs', '/detector/markers', '/detector/overlay',
              '/detector/planes', '/diagnostics')
 
@@ -63,16 +63,16 @@ def test_every_topic_follows_its_override(peer: Peer, overridden: bool) -> None:
 
 
 def flags(title: str) -> list[str]:
-    """Return the flags that the README gives for a purpose."""
-    return shlex.split(re.search(rf'^\| {title}.*\| `([^`]*)` \|$', README, re.MULTILINE)[1])
+    """Return the flags that doc/running.md says to add for something."""
+    return shlex.split(re.search(rf'^\| {title}.*\| `([^`]*)` \|$', RUNNING, re.MULTILINE)[1])
 
 
 @pytest.mark.parametrize('transport, topic', [
     ([], '/cam/image_raw'),
     (flags('read `/cam/image_raw/compressed`'), '/cam/image_raw/compressed')])
-def test_the_override_of_the_readme_beside_its_remap(peer: Peer, transport: list[str],
-                                                     topic: str) -> None:
-    command = shlex.split(re.search('ros2 run qflsd_ros detector (--ros-args -r .*)', README)[1])
+def test_the_override_of_the_documents_beside_its_remap(peer: Peer, transport: list[str],
+                                                        topic: str) -> None:
+    command = shlex.split(re.search('ros2 run qflsd_ros detector (--ros-args -r .*)', RUNNING)[1])
     override = [flag.replace('/cam/image_raw', topic)
                 for flag in flags('change the quality of service')]
     remap = command[1:command.index('--params-file')]
@@ -86,7 +86,7 @@ def test_the_override_of_the_readme_beside_its_remap(peer: Peer, transport: list
 
 
 def test_an_override_of_a_topic_that_is_not_subscribed_to_is_told(peer: Peer) -> None:
-    """An override must name the topic after remapping."""
+    """The name before remapping is no name."""
     rig = Rig(peer, '-r', 'image:=/cam/image_raw', '-p',
               'qos_overrides./image.subscription.reliability:=reliable', topic='/cam/image_raw')
     peer.until(lambda: 'no parameter qos_overrides./image.subscription.reliability, it is ignored'

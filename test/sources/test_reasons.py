@@ -16,7 +16,7 @@ CODE = '\n'.join(path.read_text() for path in (ROOT / 'qflsd_ros').rglob('*.py')
 def test_every_reason_is_given_somewhere_and_listed(reason: Reason) -> None:
     assert len(re.findall(rf'\bReason\.{reason.name}\b', CODE)) >= 1
     assert f'| `{reason.phrase}` | {reason.meaning} |' in markdown_table()
-    assert f'`{reason.phrase}`' in (ROOT / 'README.md').read_text()
+    assert f'`{reason.phrase}`' in (ROOT / 'doc' / 'troubleshooting.md').read_text()
 
 
 def test_no_frame_is_rejected_for_a_reason_of_its_own() -> None:
