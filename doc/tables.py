@@ -11,15 +11,15 @@ from pathlib import Path
 import re
 
 from qflsd_ros.core import Parameters
-from qflsd_ros.ros.camera import CameraParameters
+from qflsd_ros.ros.camera import CameraSettings
 from qflsd_ros.ros.parameters.declaration import markdown_table
-from qflsd_ros.ros.parameters.node_parameters import NodeParameters
+from qflsd_ros.ros.parameters.node_parameters import Settings
 from qflsd_ros.sources import reasons
 
 FOLDER = Path(__file__).parent
 CORE = FOLDER.parent / 'qflsd_ros' / 'core'
 # Modules whose constants decide what is detected, in the order of the stages.
-MODULES = ('detector', 'region', 'detection/noise', 'detection/thresholds', 'detection/edges',
+MODULES = ('detector', 'detection/region', 'detection/noise', 'detection/thresholds', 'detection/edges',
            'detection/chains', 'circle', 'detection/extraction', 'detection/grid',
            'detection/joining', 'detection/validation', 'detection/extension',
            'detection/suppression', 'lens/estimation', 'lens/tracker')
@@ -81,8 +81,8 @@ def _comment(lines: list[str], node: ast.stmt) -> str:
 
 # By document, the table between the marks <!-- NAME --> and <!-- end of NAME -->.
 TABLES = {
-    'parameters.md': {'detector': markdown_table((Parameters, NodeParameters))},
-    'camera.md': {'camera': markdown_table((CameraParameters,))},
+    'parameters.md': {'detector': markdown_table((Parameters, Settings))},
+    'camera.md': {'camera': markdown_table((CameraSettings,))},
     'troubleshooting.md': {'reasons': reasons.markdown_table()},
     'design.md': {'constants': constants_table()}}
 

@@ -14,12 +14,13 @@ from diagnostic_msgs.msg import DiagnosticStatus
 import numpy as np
 import pytest
 from qflsd_ros.core import Detector
-from qflsd_ros.ros.detector import OUTPUTS
 from qflsd_ros.ros.diagnostics import Statistics
 from qflsd_ros.ros.input.images import LAYOUTS
+from qflsd_ros.ros.input.subscriptions import calibration_topic
 from qflsd_ros.ros.lens import CameraLens
-from qflsd_ros.ros.output import camera_info, clouds
-from qflsd_ros.ros.parameters.node_parameters import NodeParameters
+from qflsd_ros.ros.output import clouds
+from qflsd_ros.ros.output.topics import OUTPUTS
+from qflsd_ros.ros.parameters.node_parameters import Settings
 from qflsd_ros.sources import Scene
 import rclpy
 from rclpy.context import Context
@@ -36,7 +37,7 @@ CONTRIBUTING = (ROOT / 'CONTRIBUTING.md').read_text()
 DOCUMENTS = [ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', ROOT / 'benchmark' / 'README.md',
              *sorted((ROOT / 'doc').glob('*.md'))]
 MOST_BYTES = 12000      # of the README
-TO_COME = {'core/tracking/', 'ros/output/topics.py'}    # what the recipes propose
+TO_COME = {'core/tracking/'}    # what the recipes propose
 TABLES = runpy.run_path(str(ROOT / 'doc' / 'tables.py'))
 TYPES = {'f4': 'float32', 'i4': 'int32', 'u4': 'uint32'}
 
@@ -120,7 +121,7 @@ def test_every_topic_is_listed() -> None:
     table = section(README, 'Topics')
     read = re.findall(r'^\| `([^`]+)` \(subscribed', table, re.MULTILINE)
     written = re.findall(r'^\| `([^`]+)` \|', table, re.MULTILINE)
-    results = [*(topic for topic, _, _ in OUTPUTS), '~/planes']
+    results = [output.topic for output in OUTPUTS]
     assert read == ['image', 'image/compressed', 'camera_info']
     assert written == [*results, '/diagnostics']
     assert set(re.findall('^## Topic `(.*)`$', MESSAGES, re.MULTILINE)) == set(results)
@@ -142,7 +143,7 @@ def test_every_key_of_diagnostics_is_listed() -> None:
 
 def test_every_key_of_the_lens_is_listed() -> None:
     gray = Scene(640, 480, lam=-0.4).image(400)
-    camera, settings = CameraLens(), NodeParameters()
+    camera, settings = CameraLens(), Settings()
     camera.follow(Detector().detect(gray), gray.shape, settings)
     table = re.search(r'<!-- keys of lens -->\n((\|.*\n)+)', LENS)[1]
     assert first_column(table) == list(camera.values(settings))
@@ -210,7 +211,7 @@ def test_image_proc_is_remapped_to_the_camera_info_of_the_detector() -> None:
         node = Node('rectify_node', context=context)
         image = node.resolve_topic_name('image')
         assert image == '/cam/image_raw'
-        assert node.resolve_topic_name(camera_info.topic_of(image)) == '/detector/camera_info'
+        assert node.resolve_topic_name(calibration_topic(image)) == '/detector/camera_info'
         node.destroy_node()
     finally:
         rclpy.shutdown(context=context)

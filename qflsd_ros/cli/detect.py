@@ -21,6 +21,7 @@ from qflsd_ros.cli.workers import Workers
 from qflsd_ros.cli.writing import private_room
 from qflsd_ros.ros.lens import CameraLens
 from qflsd_ros.sources.frames import Report, SourceError
+from qflsd_ros.sources.opening import Kind, kind_of
 from tqdm import tqdm
 
 FAILED, USAGE = 1, 2  # exit codes; a signal that interrupts it gives 128 and its number
@@ -117,14 +118,14 @@ def check_places(folder: Path, files: list[Path]) -> None:
     names = inputs.names(files)
     written = {os.path.realpath(folder / f'{name}.png') for name in names}
     frames = {os.path.realpath(folder / name) for path, name in zip(files, names)
-              if not inputs.is_image(path)}
+              if kind_of(path) is not Kind.IMAGE}
     for place in map(os.path.realpath, files):
         if place in written or os.path.dirname(place) in frames:
             raise SettingsError(f'{place!r} would be overwritten by results: choose another '
                                 'folder by --output')
     for path, name in zip(files, names):
         bag = recordings.path_of(folder, name)
-        if inputs.is_bag(path) and os.path.lexists(bag):
+        if kind_of(path) is Kind.BAG and os.path.lexists(bag):
             raise SettingsError(f'{str(bag)!r} is already there: remove it or choose another '
                                 'folder by --output')
 

@@ -1,4 +1,4 @@
-"""The pictures that the command line names: files, globs, folders, videos and rosbag2s."""
+"""The pictures to work on: how the files of the command line are read, named and numbered."""
 from __future__ import annotations
 
 from collections import Counter
@@ -11,18 +11,16 @@ import unicodedata
 import cv2
 import numpy as np
 from qflsd_ros.ros.input import images
-from qflsd_ros.sources.bag import Bag, STORAGE_SUFFIXES
+from qflsd_ros.sources.bag import Bag
 from qflsd_ros.sources.encoded import GRAY
-from qflsd_ros.sources.files import IMAGE_SUFFIXES, natural_order, read_image
+from qflsd_ros.sources.files import read_image
 from qflsd_ros.sources.frames import Frame, Report, report_by_log, SourceError
+from qflsd_ros.sources.opening import expand, Kind, kind_of
 from qflsd_ros.sources.video import quiet_capture, Video
-
-# In a folder, only these are read as videos; any file that is named itself is, unless an image.
-VIDEO_SUFFIXES = ('.avi', '.m4v', '.mkv', '.mov', '.mp4', '.mpeg', '.mpg', '.webm')
 
 
 class Moment(NamedTuple):
-    """Times (ns) at which an image in a bag was recorded and taken, and its coordinate frame."""
+    """When a recorded image was recorded and taken (ns), and its coordinate frame."""
 
     recorded: int
     stamp: int
@@ -32,22 +30,23 @@ class Moment(NamedTuple):
 @dataclass(frozen=True)
 class Picture:
     """
-    One picture to process.
+    A picture to work on: an image file, or a frame of a video or rosbag2.
 
     Attributes
     ----------
     path
-        The file that holds the picture.
+        The file that the picture comes from.
     name
-        Name of its result files without suffix, unique among all pictures.
+        The name of its results, unique among all pictures.
     frame
         Number of the frame in a video or rosbag2, from 0; None for an image file.
     pixels
-        Video frame, (H, W, 3) uint8 B, G, R; None where :meth:`read` reads or converts it.
+        (H, W, 3) uint8 B, G, R of a frame of a video; None for other pictures, which
+        :meth:`read` reads.
     message
-        Image message of a rosbag2; None for any other picture.
+        The recorded image of a rosbag2; None for other pictures.
     moment
-        Times and coordinate frame of an image of a rosbag2; None for any other picture.
+        The times of an image of a rosbag2; None for other pictures.
 
     """
 
@@ -60,11 +59,11 @@ class Picture:
 
     def read(self, white_level: float | None = None) -> np.ndarray:
         """
-        Return the pixels: (H, W, 3) uint8 B, G, R, or (H, W) uint8 for an image of a rosbag2.
+        Return the pixels: (H, W, 3) uint8 B, G, R, or (H, W) uint8 of a recorded image.
 
-        ``white_level`` is the value that becomes 255 in images of 16 bits or floats, None for the
-        largest value of their format. Raises SourceError where a file cannot be read, FrameError
-        where an image of a rosbag2 cannot.
+        ``white_level`` is the value of 16-bit and float images that becomes 255; None is the white
+        of their format.  An unreadable file raises SourceError, an unreadable recorded image
+        FrameError.
         """
         if self.message is not None:
             return images.read(self.message, white_level or 0.0)
@@ -73,63 +72,25 @@ class Picture:
 
 def find(arguments: Iterable[str]) -> tuple[list[Path], list[str]]:
     """
-    Return the files that arguments name, each once and in order, and a text for each problem.
+    Return the files that arguments stand for, and a line for each argument without a file.
 
-    An argument is a file, a rosbag2, a folder (for its images and videos) or a glob pattern.
+    An argument is a file, a rosbag2, a folder (its images and videos) or a glob pattern.  A file
+    that several arguments stand for is in the list once, at its first place.
     """
     files: dict[Path, Path] = {}
     problems: list[str] = []
     for argument in arguments:
-        for path in _expand(argument, problems.append):
+        for path in expand(argument, problems.append):
             files.setdefault(Path(os.path.realpath(path)), path)
     return list(files.values()), problems
 
 
-def _expand(argument: str, complain: Report) -> Iterator[Path]:
-    path = Path(argument)
-    if os.path.isdir(path) and not is_bag(path):
-        yield from _contents(path, complain)
-        return
-    matches = [path] if os.path.exists(path) else _matches(path)
-    if not matches:
-        complain(f'{argument!r}: no such file, and no file matches it')
-    for match in matches:
-        if match.is_dir() and not is_bag(match):
-            yield from _contents(match, lambda _: None)     # a pattern matches anything
-        else:
-            yield match
-
-
-def _contents(folder: Path, complain: Report) -> list[Path]:
-    """Return the images and videos of a folder in natural order."""
-    suffixes = IMAGE_SUFFIXES + VIDEO_SUFFIXES
-    try:
-        found = [file for file in folder.iterdir() if file.suffix.lower() in suffixes]
-    except OSError as error:
-        complain(f'{str(folder)!r}: {error.strerror}')
-        return []
-    if not found:
-        complain(f'{str(folder)!r}: no image or video in this folder: their names must end in '
-                 f'{", ".join(suffixes)}')
-    return sorted(found, key=natural_order)
-
-
-def _matches(pattern: Path) -> list[Path]:
-    """Return the paths that match a glob pattern, without hidden ones; follow no folder links."""
-    folder = Path(pattern.anchor)
-    try:
-        found = sorted(folder.glob(str(pattern.relative_to(folder))))
-    except (OSError, ValueError):
-        return []  # a name is too long, or ** is only a part of a name
-    return [path for path in found
-            if not any(part.startswith('.') and part not in pattern.parts for part in path.parts)]
-
-
 def count(path: Path, topic: str) -> int:
     """Return the number of pictures in a file, by the header of a video or rosbag2."""
-    if is_image(path):
+    kind = kind_of(path)
+    if kind is Kind.IMAGE:
         return 1
-    if is_bag(path):
+    if kind is Kind.BAG:
         try:
             return Bag(path, topic, report_by_log).count
         except SourceError:
@@ -139,23 +100,13 @@ def count(path: Path, topic: str) -> int:
     return max(0, int(quiet_capture(str(path)).get(cv2.CAP_PROP_FRAME_COUNT)))
 
 
-def is_bag(path: Path) -> bool:
-    """Return whether a path is a rosbag2: a folder with metadata, or a storage file."""
-    return os.path.exists(path / 'metadata.yaml') or path.suffix.lower() in STORAGE_SUFFIXES
-
-
-def is_image(path: Path) -> bool:
-    """Return whether a path is an image file, by its suffix."""
-    return path.suffix.lower() in IMAGE_SUFFIXES
-
-
 def names(files: list[Path]) -> list[str]:
     """
-    Return a unique name for each file: its stem, with more of its path where needed.
+    Return a unique name for each file: its own, with as much of its path as is necessary.
 
-    Files in one folder that differ only in their suffix keep the suffix; files of the same name
-    in different folders are prefixed with the name of their folder. Names that differ only in
-    case count as equal, because file systems may ignore case.
+    Files of a folder whose names differ only in the suffix keep the suffix.  Files of the same
+    name in different folders are preceded by the names of the folders.  Names that differ only in
+    capitals count as the same, since some file systems do not distinguish them.
     """
     folders = [Path(os.path.realpath(path.parent)) for path in files]
     stems = Counter((folder, _folded(path.stem)) for folder, path in zip(folders, files))
@@ -163,7 +114,7 @@ def names(files: list[Path]) -> list[str]:
     parts = [(*folder.parts[1:],
               path.stem if stems[folder, _folded(path.stem)] == 1 else path.name)
              for folder, path in zip(folders, files)]
-    # The folder does not distinguish A.png from a.png beside it.
+    # The names of folders do not distinguish A.png from a.png in the same folder.
     short = [twins[folder, _folded(path.name)] > 1 for folder, path in zip(folders, files)]
     result = [part[-1] for part in parts]
     for depth in range(2, max(map(len, parts), default=1) + 1):
@@ -174,7 +125,7 @@ def names(files: list[Path]) -> list[str]:
 
 
 def _numbered(wanted: list[str]) -> list[str]:
-    """Append numbers to names that are still equal, as those of a_b/c and a/b_c."""
+    """Append numbers to names that are still the same, as those of a_b/c and a/b_c."""
     all_wanted = set(map(_folded, wanted))
     taken: set[str] = set()
     result = []
@@ -189,7 +140,7 @@ def _numbered(wanted: list[str]) -> list[str]:
 
 
 def _folded(name: str) -> str:
-    """Return a key that is equal for names that a file system may regard as the same."""
+    """Return a form of a name that is equal for names that a file system may confuse."""
     return unicodedata.normalize('NFC', name).casefold()
 
 
@@ -197,13 +148,14 @@ def pictures(path: Path, name: str, topic: str, report: Report, tell: Report) ->
     """
     Yield the picture of an image file, or the frames of a video or rosbag2 in order.
 
-    Frames are named ``name/000000`` and so on. ``topic`` is the image topic of a rosbag2; if
-    empty, the first one with images. ``report`` is called with errors about single frames,
-    ``tell`` with notes. Raises SourceError where a video or rosbag2 as a whole cannot be read.
+    Frames are named ``name/000000`` and so on.  ``topic`` is the topic of a rosbag2, empty for the
+    first one with images.  ``report`` is called with a line for each unreadable frame, ``tell``
+    with other information.  A video or rosbag2 that cannot be opened raises SourceError.
     """
-    if is_image(path):
+    kind = kind_of(path)
+    if kind is Kind.IMAGE:
         yield Picture(path, name)
-    elif is_bag(path):
+    elif kind is Kind.BAG:
         bag = Bag(path, topic, report, GRAY)
         if bag.note:
             tell(f'{bag.note}: choose by --topic')

@@ -66,7 +66,7 @@ class Arcs:
     def columns(self) -> dict[str, np.ndarray]:
         """Return the table's columns by name, (M,) each; start becomes start_x and start_y."""
         columns = {}
-        for name in self.table.dtype.names:
+        for name in self.table.dtype.names or ():
             if self.table.dtype[name].shape:
                 columns[f'{name}_x'], columns[f'{name}_y'] = self.table[name].T
             else:

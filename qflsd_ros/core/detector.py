@@ -1,6 +1,7 @@
 """Image to arcs: Steps 1 to 6 of the paper in order."""
 from __future__ import annotations
 
+from collections.abc import Callable
 import math
 
 import numpy as np
@@ -10,10 +11,10 @@ from qflsd_ros.core.arcs import Arcs
 from qflsd_ros.core.circle import FIT_SIZE, NO_LENS
 from qflsd_ros.core.detection import (
     assembly, chains, edges, extraction, joining, noise, refinement, thresholds)
+from qflsd_ros.core.detection.region import Region, region
 from qflsd_ros.core.detection.validation import Evidence
 from qflsd_ros.core.lens.division import DivisionModel
 from qflsd_ros.core.parameters import Parameters
-from qflsd_ros.core.detection.region import Region, region
 
 SHORTEST = 8                # edge points of the shortest piece of an arc in an image without noise
 # Shortest piece from which an arc is made, px for each edge point of the shortest piece (tuned on
@@ -29,13 +30,15 @@ class Detector:
     Finds the pictures of straight edges, seen through any lens, as circular arcs.
 
     A detector keeps its memory from frame to frame: use one for each thread.  Its attribute
-    ``parameters`` may be replaced between two frames.
+    ``parameters`` may be replaced between two frames.  Its attribute ``on_stage``, if not None, is
+    called with the name of each stage of method arcs when the stage ends.
 
     """
 
     def __init__(self, parameters: Parameters | None = None) -> None:
         """Take parameters (None: the defaults); nothing is compiled yet, see :meth:`warm_up`."""
         self.parameters = Parameters() if parameters is None else parameters
+        self.on_stage: Callable[[str], None] | None = None
         self._memory = _Memory(0, 0)
 
     def warm_up(self) -> None:
@@ -92,6 +95,7 @@ class Detector:
         shortest = noise.shortest(SHORTEST, grain)
         blur_sigma = noise.blur(self.parameters.blur_sigma, grain)
         grain = noise.of_gradient(grain, blur_sigma)
+        self._ended('noise')
         count, clear = self._find_chains(gray, where, blur_sigma, grain, shortest)
         pieces = self._extract(count, shortest, lens)
         evidence = Evidence(self._memory.points, self._memory.dx, self._memory.dy, clear, grain,
@@ -103,6 +107,7 @@ class Detector:
         """Leave the chains in memory; return their number and a clear contrast (Step 1)."""
         memory = self._memory
         edges.gradients(gray, blur_sigma, memory.blurred, memory.dx, memory.dy)
+        self._ended('gradients')
         # Only now: what is read line by line has the image in the cache by then.
         strength = thresholds.estimate(gray, where)
         scale = thresholds.scale(strength, grain, self.parameters.contrast_high)
@@ -112,10 +117,12 @@ class Detector:
                                   memory.edges))
         if where.masked:
             np.multiply(memory.edges, where.seen, memory.edges)
+        self._ended('edges')
         count = chains.trace(dx, dy, memory.flat, memory.words, memory.steps, shortest,
                              memory.pixels, memory.offsets)
         edges.locate(dx, dy, gray.shape[1], memory.pixels, memory.offsets[count],
                      memory.points)
+        self._ended('chains')
         return count, high
 
     def _extract(self, chain_count: int, shortest: int,
@@ -126,8 +133,10 @@ class Detector:
                                    self.parameters.tolerance, SIGNIFICANCE, self._sharpest(),
                                    NO_LENS if lens is None else lens.in_pixels,
                                    lens is not None, memory.todo, memory.runs, memory.fits)
-        return joining.describe(memory.points, memory.runs[:count], memory.fits[:count],
-                                memory.joining)
+        pieces = joining.describe(memory.points, memory.runs[:count], memory.fits[:count],
+                                  memory.joining)
+        self._ended('extraction')
+        return pieces
 
     def _assemble(self, pieces: joining.Pieces, shortest: int, evidence: Evidence,
                   lens: DivisionModel | None) -> Arcs:
@@ -136,12 +145,21 @@ class Detector:
         joined = joining.join(pieces, memory.joining, memory.dx, memory.dy, evidence.region,
                               SEED * shortest, parameters.max_gap, parameters.tolerance,
                               SIGNIFICANCE, self._sharpest(), lens)
+        self._ended('joining')
         found = assembly.assemble(pieces, joined, evidence, memory.pixels, parameters.tolerance,
                                   parameters.min_length - refinement.SHIFT, parameters.min_score,
                                   parameters.min_distance)
         in_pixels = NO_LENS if lens is None else lens.in_pixels
-        return refinement.refine(found, evidence, parameters.tolerance, parameters.min_length,
+        self._ended('assembly')
+        arcs = refinement.refine(found, evidence, parameters.tolerance, parameters.min_length,
                                  self._sharpest(), in_pixels)
+        self._ended('refinement')
+        return arcs
+
+    def _ended(self, stage: str) -> None:
+        """Report the end of a stage to whoever measures."""
+        if self.on_stage is not None:
+            self.on_stage(stage)
 
     def _sharpest(self) -> float:
         """
@@ -186,6 +204,7 @@ class _Memory:
         self.steps = chains.steps(width)
         self._mask: np.ndarray | None = None
         self._region = region(self.shape, None)
+        self.pixels = np.empty(0, np.int32)
         self.reserve(1)
 
     def region(self, mask: np.ndarray | None) -> Region:
@@ -196,7 +215,7 @@ class _Memory:
 
     def reserve(self, edge_pixels: int) -> None:
         """Make room for so many edge pixels, and half as many again when there was too little."""
-        if hasattr(self, 'pixels') and edge_pixels <= len(self.pixels):
+        if edge_pixels <= len(self.pixels):
             return
         size = edge_pixels + edge_pixels // 2
         self.pixels = np.empty(size, np.int32)

@@ -144,7 +144,7 @@ def detect(gray: np.ndarray, parameters: Parameters) -> Arcs:
     return Arcs(table, points, points.astype(np.int32), offsets)
 
 
-def describe(row: np.ndarray, piece: np.ndarray) -> None:
+def describe(row: np.void, piece: np.ndarray) -> None:
     """
     Fill a row of the table from the pixels of one segment.
 

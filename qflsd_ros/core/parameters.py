@@ -68,7 +68,7 @@ def _of_type(field: dataclasses.Field[Any], value: Any) -> Any:
     if type(value) is not wanted:
         raise TypeError(f'{field.name} is {value!r}, of type {type(value).__name__}: '
                         f'must be of type {wanted.__name__}')
-    if wanted is float and not math.isfinite(value):
+    if isinstance(value, float) and not math.isfinite(value):
         raise ValueError(f'{field.name} is {value}: must be finite')
     return value
 

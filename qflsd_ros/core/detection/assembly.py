@@ -12,10 +12,10 @@ from qflsd_ros.core.arcs import (
 from qflsd_ros.core.compilation import compiled, inlined
 from qflsd_ros.core.detection.extension import extended, FARTHEST
 from qflsd_ros.core.detection.joining import Joined, MOST_TURN, Pieces
+from qflsd_ros.core.detection.region import Region
 from qflsd_ros.core.detection.suppression import separate
 from qflsd_ros.core.detection.validation import (
     ALIGNED, closeness, Evidence, LOOKS, score, SIGNS, STEPS, STRONG, WEIGHT, witness, WITNESSES)
-from qflsd_ros.core.detection.region import Region
 
 SAMPLED = 0.5           # px at most between the points of an arc that are compared with a mask
 
@@ -239,7 +239,7 @@ def assemble(pieces: Pieces, joined: Joined, evidence: Evidence, pixels: np.ndar
     _judge(pieces.fits, evidence, found, *joined, tolerance, min_score, extended, rows, keep)
     shape = evidence.dx.shape
     if min_distance > 0:
-        separate(rows, joined.fits, *shape, min_distance, keep)
+        separate(rows, joined.fits, shape[0], shape[1], min_distance, keep)
     kept = rows[keep]
     count = int(kept[:, SUPPORT].sum())
     offsets = np.zeros(len(kept) + 1, np.int64)

@@ -53,7 +53,7 @@ def _magnitudes(gx: np.ndarray, gy: np.ndarray, magnitude: np.ndarray) -> None:
 
 @inlined
 def _thin(gx: np.ndarray, gy: np.ndarray, above: np.ndarray, here: np.ndarray, below: np.ndarray,
-          low: float, high: float, edges: np.ndarray) -> int:
+          low: np.float32, high: np.float32, edges: np.ndarray) -> np.int32:
     """Find the edge pixels of one row by its magnitudes and those beside it; return how many."""
     gx, gy, out = gx[1:-1], gy[1:-1], edges[1:-1]
     up, down = above[1:-1], below[1:-1]
@@ -98,15 +98,16 @@ def find(dx: np.ndarray, dy: np.ndarray, low: float, high: float, magnitudes: np
 
     """
     height, width = edges.shape
-    low, high = np.float32(low), np.float32(high)
+    weak, strong = np.float32(low), np.float32(high)
     edges[0], edges[height - 1], edges[:, 0], edges[:, width - 1] = 0, 0, 0, 0
     _magnitudes(dx[0], dy[0], magnitudes[0])
     _magnitudes(dx[1], dy[1], magnitudes[1])
     count = 0
     for row in range(1, height - 1):
         _magnitudes(dx[row + 1], dy[row + 1], magnitudes[(row + 1) % 3])
-        count += _thin(dx[row], dy[row], magnitudes[(row - 1) % 3], magnitudes[row % 3],
-                       magnitudes[(row + 1) % 3], low, high, edges[row])
+        found = _thin(dx[row], dy[row], magnitudes[(row - 1) % 3], magnitudes[row % 3],
+                      magnitudes[(row + 1) % 3], weak, strong, edges[row])
+        count += int(found)
     return count
 
 

@@ -22,8 +22,8 @@ from qflsd_ros.core.compilation import compiled, inlined
 from qflsd_ros.core.detection.edges import SOBEL_GAIN
 from qflsd_ros.core.detection.grid import cell, gap_to, Grid, OVERLAP, sort_ends
 from qflsd_ros.core.detection.order import longest_first
-from qflsd_ros.core.lens.division import DivisionModel
 from qflsd_ros.core.detection.region import Region
+from qflsd_ros.core.lens.division import DivisionModel
 
 NODES = 3
 COUNT, RSS, SIZE = 0, 1, 2      # columns of Pieces.sums, and of the same of an arc

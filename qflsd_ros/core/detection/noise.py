@@ -38,7 +38,7 @@ SOBEL_BLUR = 0.42       # px^2, variance of the Gaussian whose derivative is abo
 
 
 @inlined
-def _response(gray: np.ndarray, top: int, left: int) -> tuple[int, int, bool]:
+def _response(gray: np.ndarray, top: int, left: int) -> tuple[np.int32, np.int32, bool]:
     """Return a block's sum of absolute responses, how many are 0, and if a pixel is saturated."""
     total, still, darkest, brightest = np.int32(0), np.int32(0), np.int32(255), np.int32(0)
     for y in range(top, top + HEIGHT):
@@ -52,7 +52,7 @@ def _response(gray: np.ndarray, top: int, left: int) -> tuple[int, int, bool]:
             still += np.int32(response == 0)
             darkest = min(darkest, np.int32(here[x]))
             brightest = max(brightest, np.int32(here[x]))
-    return total, still, darkest == 0 or brightest == 255
+    return total, still, bool(darkest == 0 or brightest == 255)
 
 
 @inlined
@@ -91,7 +91,7 @@ def _responses(gray: np.ndarray, where: Region, responses: np.ndarray) -> tuple[
             whole, loud = total / (HEIGHT * WIDTH), total / (HEIGHT * WIDTH - still)
             responses[count] = whole if loud < CUT else loud
             count += 1
-            busy += 2 * still < HEIGHT * WIDTH
+            busy += int(2 * still < HEIGHT * WIDTH)
     return count, busy, silent
 
 

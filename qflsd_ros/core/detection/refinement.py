@@ -26,8 +26,8 @@ from qflsd_ros.core.circle import FIT_SIZE, Lens
 from qflsd_ros.core.compilation import compiled, inlined
 from qflsd_ros.core.detection import noise
 from qflsd_ros.core.detection.assembly import Found, is_inside, write_geometry
-from qflsd_ros.core.detection.validation import Evidence
 from qflsd_ros.core.detection.region import Region
+from qflsd_ros.core.detection.validation import Evidence
 
 CORNER = 2.0            # standard deviations of the blur that are left out at an end (see above)
 # Points at the ends that are off the rest by less than so many times its own rms are none of a

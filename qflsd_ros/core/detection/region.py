@@ -31,7 +31,7 @@ def region(shape: tuple[int, int], mask: np.ndarray | None) -> Region:
     allowed = np.ascontiguousarray(mask != 0)
     side = 2 * MARGIN + 1
     seen = cv2.erode(allowed.view(np.uint8), np.ones((side, side), np.uint8)).view(np.bool_)
-    (top, bottom), (left, right) = (_extent(allowed.any(axis=axis)) for axis in (1, 0))
+    (top, bottom), (left, right) = (_extent(np.any(allowed, axis=axis)) for axis in (1, 0))
     return Region(True, allowed, seen, top, bottom, left, right)
 
 

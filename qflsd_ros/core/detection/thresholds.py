@@ -35,14 +35,14 @@ def _steepest(lines: np.ndarray, seen: np.ndarray, masked: bool, top: int, botto
     for i in range(LINES):
         y = top + (2 * i + 1) * (bottom - top) // (2 * LINES)
         for j in range(PIECES):
-            steepest = -1
+            steepest = np.int32(-1)
             for x in range(left + 1 + j * width // PIECES, left + 1 + (j + 1) * width // PIECES):
                 if masked and not seen[y, x]:
                     continue
                 slope = abs(np.int32(lines[y, x + 1]) - np.int32(lines[y, x - 1]))
                 steepest = max(steepest, slope)
             slopes[count] = steepest
-            count += steepest >= 0
+            count += int(steepest >= 0)
     return count
 
 

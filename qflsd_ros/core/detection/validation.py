@@ -70,9 +70,9 @@ def _support(fits: np.ndarray, i: int, points: np.ndarray, first: int, last: int
         s = 1 / (math.sqrt(gx * gx + gy * gy) + np.float32(clear))
         weight = 1 - clear * s
         most = SINE * weight + NOISE_ALIGNED * noise * s
-        weight = weight if most < weight else 0.0
-        total += weight
-        aligned += weight if abs(along) * s < most else 0.0
+        weight = weight if most < weight else 0.0  # type: ignore[assignment]
+        total += weight  # type: ignore[assignment]
+        aligned += weight if abs(along) * s < most else 0.0  # type: ignore[assignment]
         steps += abs(across)
         signs += math.copysign(1.0, across)
     found[i, WEIGHT], found[i, ALIGNED] = total, aligned

@@ -58,7 +58,7 @@ def cloud(header: Header, table: np.ndarray) -> PointCloud2:
 
     It is dense unless a value is nan or infinite.
     """
-    dense = all(np.isfinite(table[name]).all() for name in table.dtype.names)
+    dense = all(np.isfinite(table[name]).all() for name in table.dtype.names or ())
     fields = [PointField(name=name, offset=offset, datatype=DATATYPES[kind.str[1:]], count=1)
               for name, (kind, offset, *_) in (table.dtype.fields or {}).items()]
     return PointCloud2(

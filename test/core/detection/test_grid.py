@@ -4,7 +4,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
-from qflsd_ros.core.detection.grid import gap_to, Grid, sort_ends
+from qflsd_ros.core.detection.grid import cell, gap_to, Grid, sort_ends
 
 HEIGHT, WIDTH = 90, 130
 seeds, angles = st.integers(0, 999), st.floats(-np.pi, np.pi)
@@ -34,8 +34,8 @@ def test_every_end_is_in_its_cell_once(seed, count):
             at = row * grid.columns + column
             for k in range(grid.begins[at], grid.begins[at + 1]):
                 x, y = grid.places[k, :2]
-                assert grid.cell(x, grid.columns) == column
-                assert grid.cell(y, grid.rows) == row
+                assert cell(x, grid.columns) == column
+                assert cell(y, grid.rows) == row
     assert grid.begins[-1] == count
 
 

@@ -146,7 +146,7 @@ def test_what_is_no_mask(mask):
        st.integers(20, 100), st.sampled_from([0, 80]))
 def test_no_arc_leaves_the_region_of_the_node(seed, x, y, width, height, max_width):
     settings = Settings(roi_x=x, roi_y=y, roi_width=width, roi_height=height,
-                              max_width=max_width)
+                        max_width=max_width)
     factor, mask = view(settings, *SHAPE)
     arcs = Detector(Parameters(min_score=-1000.0)).detect(reduced(scene(seed), factor), mask)
     inside = np.zeros(SHAPE, bool)

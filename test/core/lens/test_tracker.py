@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from qflsd_ros.core import Arcs, Detector, DivisionModel, estimate_distortion
-from qflsd_ros.core.lens.tracker import DEVIATIONS, LensTracker
+from qflsd_ros.core.lens.tracker import (
+    DEVIATIONS, EVERY, LensTracker, PATIENCE, ROOM, START)
 from qflsd_ros.sources import Scene
 from seen import arcs_of, edge, edges, wheels
 
@@ -118,7 +119,7 @@ def test_memory_is_bounded_and_forgets(monkeypatch):
     short = arcs_of(edges(lens, 300, 1, (20, 25)))
     for _ in range(8):
         tracker.add(short, SHAPE)
-    assert len(tracker._waiting) <= tracker.ROOM + len(short)
+    assert len(tracker._waiting) <= ROOM + len(short)
 
 
 def test_outliers_are_left_out():
@@ -142,10 +143,10 @@ def test_another_lens_is_taken_for_one_after_a_while():
 
 def test_later_on_most_frames_are_passed_over_until_one_tells_another_lens():
     tracker = LensTracker()
-    lambdas = follow(tracker, frames(-0.3, tracker.START + 3 * tracker.EVERY))
+    lambdas = follow(tracker, frames(-0.3, START + 3 * EVERY))
     changes = np.diff(lambdas) != 0
-    assert changes[:tracker.START - 1].all() and changes[tracker.START - 1:].sum() == 3
-    lambdas = follow(tracker, frames(-0.6, tracker.EVERY + tracker.PATIENCE, first=100))
+    assert changes[:START - 1].all() and changes[START - 1:].sum() == 3
+    lambdas = follow(tracker, frames(-0.6, EVERY + PATIENCE, first=100))
     assert lambdas[0] == pytest.approx(-0.3, abs=0.005)
     assert lambdas[-1] == pytest.approx(-0.6, abs=0.01)
 
@@ -176,7 +177,7 @@ def test_a_centre_that_moves_is_noticed(lam):
     tracker = LensTracker(centre=True)
     follow(tracker, through(lens, 60))
     assert tracker.outliers == 0
-    follow(tracker, through(other, tracker.EVERY + 30, first=100))
+    follow(tracker, through(other, EVERY + 30, first=100))
     estimate = tracker.estimate
     off = np.abs(estimate.model.origin - other.origin)
     assert off.max() < 4 * estimate.centre_std < 12
@@ -205,7 +206,7 @@ def test_the_scatter_of_frames_counts_beyond_their_own_deviations():
     assert tracker.outliers <= 3
     stated = tracker.estimate.centre_std
     assert np.abs(tracker.estimate.model.origin - (319.5, 239.5)).max() < 4 * stated
-    taken = tracker.START + (len(shifts) - tracker.START) // tracker.EVERY
+    taken = START + (len(shifts) - START) // EVERY
     assert 0.9 * 3 / np.sqrt(taken) < stated < 3
 
 
