@@ -50,7 +50,7 @@ def test_every_parameter_has_a_flag_and_a_line_of_help(field: dataclasses.Field)
 
 def test_values_out_of_range_are_refused() -> None:
     """The error names parameter, value and range."""
-    with pytest.raises(settings.OptionsError, match='tolerance is 99.* 0.1 to 10'):
+    with pytest.raises(settings.SettingsError, match='tolerance is 99.* 0.1 to 10'):
         read('--tolerance', '99')
 
 
@@ -88,7 +88,7 @@ def test_sections_of_another_node_count_where_it_is_named(tmp_path: Path) -> Non
     line, = SAID
     assert 'p.yaml: no section matches the node /detector' in line and '--node' in line
     assert '/left/detector, /*/detector' in line
-    with pytest.raises(settings.OptionsError, match="--node is 'left'"):
+    with pytest.raises(settings.SettingsError, match="--node is 'left'"):
         read('--node', 'left', params=params, folder=tmp_path)
 
 
@@ -120,20 +120,20 @@ def test_what_counts_here_and_what_is_named(tmp_path: Path) -> None:
 
 
 def test_a_value_that_cannot_be_used_is_named_with_its_line(tmp_path: Path) -> None:
-    with pytest.raises(settings.OptionsError, match=r'tolerance is 99.*p.yaml, line 3\)'):
+    with pytest.raises(settings.SettingsError, match=r'tolerance is 99.*p.yaml, line 3\)'):
         read(params='/**:\n  ros__parameters:\n    tolerance: 99\n', folder=tmp_path)
-    with pytest.raises(settings.OptionsError, match="method is 'paper': must be 'arcs' with"):
+    with pytest.raises(settings.SettingsError, match="method is 'paper': must be 'arcs' with"):
         read('--method', 'paper', '--roi_x', '3')
 
 
 @pytest.mark.parametrize('text', ['a: [', '- 1', '/**: 1', '/**:\n  tolerance: 1', '\x00'])
 def test_other_files_are_refused(tmp_path: Path, text: str) -> None:
     """What is no ROS parameter file ends in an error that names the file."""
-    with pytest.raises(settings.OptionsError, match='p.yaml'):
+    with pytest.raises(settings.SettingsError, match='p.yaml'):
         read(params=text, folder=tmp_path)
 
 
 def test_a_file_that_is_not_there_is_named() -> None:
     """A missing file is an error that names it."""
-    with pytest.raises(settings.OptionsError, match='nowhere.yaml'):
+    with pytest.raises(settings.SettingsError, match='nowhere.yaml'):
         read('--params', 'nowhere.yaml')
