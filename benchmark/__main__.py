@@ -13,8 +13,8 @@ import sys
 import time
 
 from benchmark import (
-    ablation, accuracy, degraded, exactness, growth, lens, memory, node, overhead, paper_tables,
-    peers, plates, quote, repeatability, report, robustness, sameness, speed, stages)
+    ablation, accuracy, degraded, exactness, false_alarms, growth, lens, memory, node, overhead,
+    paper_tables, peers, plates, quote, repeatability, report, robustness, sameness, speed, stages)
 from benchmark.datasets import Dataset, DatasetError
 from benchmark.experiment import Effort, Experiment, QUICK
 from benchmark.rendered import write
@@ -25,7 +25,7 @@ EXPERIMENTS = {
     'table1': paper_tables.table_one, 'table2': paper_tables.table_two,
     'plates': plates.measure, 'accuracy': accuracy.measure, 'ablation': ablation.measure,
     'degraded': degraded.measure, 'robustness': robustness.measure,
-    'exactness': exactness.measure, 'lens': lens.measure,
+    'exactness': exactness.measure, 'false_alarms': false_alarms.measure, 'lens': lens.measure,
     'repeatability': repeatability.measure,
     'sameness': sameness.measure, 'speed': speed.measure, 'growth': growth.measure,
     'stages': stages.measure, 'node': node.measure,

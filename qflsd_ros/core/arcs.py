@@ -15,10 +15,10 @@ TABLE = np.dtype([
     ('support', np.int64),          # number of edge points that belong to the arc
     ('curvature_std', np.float64),  # 1/px, standard deviation; of 0 where the arc is straight
     ('offset_std', np.float64),     # px, standard deviation of the position across, at the middle
-    ('score', np.float64),          # -log10 of the number of false alarms (see validation)
+    ('score', np.float64),          # -log10 of false alarms of independent points (see validation)
     ('contrast', np.float64),       # grey levels, mean step across the arc
     ('polarity', np.float64),       # share of points with the brighter side right, less left: >= 0
-    ('bent', np.int64),             # 1 where the curvature is fitted, 0 where it is a straight edge's
+    ('bent', np.int64),             # 1: its curvature is fitted, 0: that of a straight edge
 ])
 
 # The same as columns of one float64 array in which kernels fill it, x and y one after the other.

@@ -1,9 +1,10 @@
 """
-The last look at arcs: fitted anew without their ends, with standard deviations.
+The last look at arcs: fitted anew without rounded corners, with standard deviations.
 
 Where an edge ends at a corner, blur rounds it: the strongest gradient leaves the edge by
-1.25 s (phi(y / s) / Phi(y / s))^2 at the distance y from the corner, for a total blur s of lens and
-detector, which is less than s / 250 from 2 s on.  Those points are left out.
+1.25 s (phi(y / s) / Phi(y / s))^2 at the distance y from the corner, for a total blur s of lens
+and detector, which is less than s / 250 from 2 s on.  Those points are left out where they are off
+the rest.
 
 Noise moves the strongest gradient across a blurred step by its own derivative over the second
 derivative of the gradient.  For white noise whose gradient has the standard deviation g after a
@@ -29,16 +30,16 @@ from qflsd_ros.core.validation import Evidence
 
 CORNER = 2.0            # standard deviations of the blur that are left out at an end (see above)
 # Points at the ends that are off the rest by less than so many times its own rms are none of a
-# corner, and tell more than they mislead: left out on photographs, one long line of 500 is lost.
+# corner, and tell more than they mislead: without this 1 long line of 500 is lost on photographs.
 OFF = 1.7
-LEAST_POINTS = 8        # that remain: as many as the shortest piece has
+LEAST_POINTS = 8        # that remain: as many as the shortest piece has without noise
 MOST_BLUR = 6.0         # px, total; chains of what is blurred more wander by more than it says
 FARTHEST = 3            # px from the edge: parallel edges are often not much farther
 EVERY = 4               # edge points from one at which the blur is measured to the next
 ROUNDING = 0.35         # grey levels: that of the image and, blurred, of the detector, as noise
-GRID = 0.01             # px, what the grid of pixels leaves of a step without noise or blur
-BLOCK = 2.5             # correlation lengths in a block of residuals: 1.0 to 4.0 differ by 5 %
-EXPECTED = 4.0          # blocks of residuals that count as much as what is expected
+GRID = 0.015            # px, by which pixels displace sharp edges (measured on rendered ones)
+BLOCK = 2.5             # correlation lengths in a block: so that blocks are independent
+EXPECTED = 4.0          # blocks that weigh as much as what is expected: 3 to 8 change little
 CURVE = 3.0             # of blocks: as many does the fit take up itself
 
 
@@ -132,7 +133,7 @@ def _squares(points: np.ndarray, first: int, end: int, fits: np.ndarray) -> floa
 def _move(rows: np.ndarray, arc: int, points: np.ndarray, first: int, lo: int, hi: int,
           last: int, fits: np.ndarray, tolerance: float, height: int, width: int,
           moved: np.ndarray) -> bool:
-    """Let an arc lie on a fit to its inner points if it ends at corners; return whether it does."""
+    """Let an arc lie on the fit to its inner points if it ends at corners; return whether."""
     inner = _squares(points, lo, hi + 1, fits)
     outer = _squares(points, first, lo, fits) + _squares(points, hi + 1, last + 1, fits)
     count, out = last - first + 1, last - first - (hi - lo)
@@ -166,7 +167,8 @@ def _refine(rows: np.ndarray, points: np.ndarray, pixels: np.ndarray, offsets: n
             lo, hi = first, last
             circle.fit(points, lo, hi, 0.0, significance, sharpest, lens, fits, 0)
         count = hi - lo + 1
-        together = math.sqrt(4 * math.pi) * least * min(1.0, (last - first + 1) / rows[arc, LENGTH])
+        dense = min(1.0, (last - first + 1) / rows[arc, LENGTH])
+        together = math.sqrt(4 * math.pi) * least * dense
         block = max(1, int(BLOCK * together + 0.5))
         own = max(0.0, count / block - CURVE)
         variance = (EXPECTED * _expected(rows, arc, blur, grain, least, together)
@@ -179,7 +181,7 @@ def _refine(rows: np.ndarray, points: np.ndarray, pixels: np.ndarray, offsets: n
 def refine(found: Found, evidence: Evidence, tolerance: float, sharpest: float,
            lens: Lens) -> Arcs:
     """
-    Return arcs fitted anew without their ends, with standard deviations.
+    Return arcs fitted anew without rounded corners, with standard deviations.
 
     Parameters
     ----------
