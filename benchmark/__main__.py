@@ -22,7 +22,7 @@ EXPERIMENTS: dict[str, Callable[[Experiment], str]] = {
     'table1': paper_tables.table_one, 'table2': paper_tables.table_two,
     'plates': plates.measure, 'accuracy': accuracy.measure, 'ablation': ablation.measure,
     'degraded': degraded.measure, 'robustness': robustness.measure,
-    'exactness': exactness.measure, 'lens': lens.measure,
+    'exactness': exactness.measure, 'false_alarms': false_alarms.measure, 'lens': lens.measure,
     'repeatability': repeatability.measure,
     'sameness': sameness.measure, 'speed': speed.measure, 'growth': growth.measure,
     'stages': stages.measure, 'node': node.measure,

@@ -15,7 +15,7 @@ TABLE = np.dtype([
     ('support', np.int64),          # number of edge points that belong to the arc
     ('curvature_std', np.float64),  # 1/px, standard deviation; of 0 where the arc is straight
     ('offset_std', np.float64),     # px, standard deviation of the position across, at the middle
-    ('score', np.float64),          # -log10 of the number of false alarms (see validation)
+    ('score', np.float64),          # -log10 of false alarms of independent points (see validation)
     ('contrast', np.float64),       # grey levels, mean step across the arc
     ('polarity', np.float64),       # share of points with the brighter side right, less left: >= 0
     ('bent', np.int64),             # 1 where the curvature is fitted, 0 for the image of a line

@@ -112,7 +112,8 @@ class Parameters:
         0.3, 'Smallest radius of an arc; a division model has none below 1 / sqrt(-lambda).',
         'of half the image diagonal', 0.01, 100.0)
     min_score: float = parameter(
-        4.0, 'Least -log10 of the number of false alarms of an arc; more leaves only surer ones.',
+        4.0, 'Least score of an arc: -log10 of the number of false alarms, were its points '
+        'independent; pure noise has some more. A larger one leaves only surer arcs.',
         '', -1000.0, 1000.0)
     min_distance: float = parameter(
         2.4, 'Of parallel arcs closer than this the longest is reported, and no faint one a '

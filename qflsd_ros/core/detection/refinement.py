@@ -1,5 +1,5 @@
 """
-The last look at arcs: fitted anew without their ends, with standard deviations.
+The last look at arcs: fitted anew without rounded corners, with standard deviations.
 
 Where an edge ends at a corner, blur rounds it: the strongest gradient leaves the edge by
 1.25 s (phi(y / s) / Phi(y / s))^2 at the distance y from the corner, for a total blur s of lens
@@ -31,7 +31,7 @@ from qflsd_ros.core.detection.validation import Evidence
 
 CORNER = 2.0            # standard deviations of the blur that are left out at an end (see above)
 # Points at the ends that are off the rest by less than so many times its own rms are none of a
-# corner, and tell more than they mislead: left out on photographs, one long line of 500 is lost.
+# corner, and tell more than they mislead: without this 1 long line of 500 is lost on photographs.
 OFF = 1.7
 LEAST_POINTS = 8        # that remain: as many as the shortest piece has
 SHIFT = 0.25            # px by which an arc's length may change; more belongs to no rounded corner
@@ -39,9 +39,9 @@ MOST_BLUR = 6.0         # px, total; chains of what is blurred more wander by mo
 FARTHEST = 3            # px from the edge: parallel edges are often not much farther
 EVERY = 4               # edge points from one at which the blur is measured to the next
 ROUNDING = 0.35         # grey levels: that of the image and, blurred, of the detector, as noise
-GRID = 0.01             # px, what the grid of pixels leaves of a step without noise or blur
-BLOCK = 2.5             # correlation lengths in a block of residuals: 1.0 to 4.0 differ by 5 %
-EXPECTED = 4.0          # blocks of residuals that count as much as what is expected
+GRID = 0.015            # px, by which pixels displace sharp edges (measured on rendered ones)
+BLOCK = 2.5             # correlation lengths in a block: so that blocks are independent
+EXPECTED = 4.0          # blocks that weigh as much as what is expected: 3 to 8 change little
 CURVE = 3.0             # of blocks: as many does the fit take up itself
 
 
@@ -185,7 +185,7 @@ def _refine(rows: np.ndarray, points: np.ndarray, pixels: np.ndarray, offsets: n
 def refine(found: Found, evidence: Evidence, tolerance: float, min_length: float,
            sharpest: float, lens: Lens) -> Arcs:
     """
-    Return arcs fitted anew without their ends, with standard deviations.
+    Return arcs fitted anew without rounded corners, with standard deviations.
 
     Parameters
     ----------

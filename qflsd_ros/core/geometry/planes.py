@@ -75,7 +75,8 @@ def _shapes(table: np.ndarray) -> np.ndarray:
     These are shift, turn and bend, which are independent for points spread evenly over a length:
     that of the fitted points, which ends before corners.  With the variance u of their mean, the
     curvature that they tell has 720 u / length^4, the middle has 9 u / 4 where the curvature was
-    fitted, and u where it was known, so that nothing bends.
+    fitted, and u where it was not: then a lens says how it is bent, or, without a lens, it is 0
+    since what was told did not differ from that, and is as uncertain.
     """
     bent, std = table['bent'] == 1, table['curvature_std']
     shift = np.where(bent, 2 / 3, 1) * table['offset_std']
@@ -83,5 +84,6 @@ def _shapes(table: np.ndarray) -> np.ndarray:
     np.sqrt(np.divide(np.sqrt(720) * shift, std, where=std > 0, out=length ** 2), out=length)
     along = table['length'][:, None] * np.linspace(-0.5, 0.5, SAMPLES)
     turn = (shift * np.sqrt(12) / length)[:, None] * along
-    bend = (bent * std)[:, None] * (along ** 2 / 2 - length[:, None] ** 2 / 24)
+    by_lens = ~bent & (table['curvature'] != 0)
+    bend = np.where(by_lens, 0, std)[:, None] * (along ** 2 / 2 - length[:, None] ** 2 / 24)
     return np.stack([np.broadcast_to(shift[:, None], along.shape), turn, bend], axis=-1)
