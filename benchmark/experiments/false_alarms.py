@@ -20,7 +20,7 @@ def image(grain: float, level: float, seed: int) -> np.ndarray:
     """Return an image of noise, (H, W) uint8."""
     noise = np.random.default_rng(seed).normal(0, 1, SHAPE)
     if grain > 0:
-        noise = cv2.GaussianBlur(noise, (0, 0), grain)
+        noise = np.asarray(cv2.GaussianBlur(noise, (0, 0), grain), float)
     return np.clip(np.round(128 + level * noise / noise.std()), 0, 255).astype(np.uint8)
 
 
