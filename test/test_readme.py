@@ -5,6 +5,7 @@ from pathlib import Path
 import pkgutil
 import re
 import runpy
+import shutil
 import subprocess
 import sys
 from typing import Any
@@ -235,6 +236,60 @@ def test_files_of_recipes_exist() -> None:
     missing = {path for path in paths
                if not ((ROOT / 'qflsd_ros' / path).exists() or (ROOT / path).exists())}
     assert missing <= TO_COME
+
+
+STUBS = {
+    'sensor_msgs/msg/point_cloud2.hpp': """
+#include <cstdint>
+#include <vector>
+namespace sensor_msgs::msg {
+struct Point {float x, y; std::uint32_t segment;};
+struct PointCloud2 {std::vector<Point> points;};
+}
+""",
+    'sensor_msgs/point_cloud2_iterator.hpp': """
+#include <string>
+namespace sensor_msgs {
+template<typename T> struct PointCloud2ConstIterator {
+  const std::vector<msg::Point> & points; std::string name; std::size_t at = 0; T value{};
+  PointCloud2ConstIterator(const msg::PointCloud2 & message, const std::string & field)
+  : points(message.points), name(field) {}
+  const T & operator*()
+  {
+    const auto & point = points[at];
+    value = name == "x" ? T(point.x) : name == "y" ? T(point.y) : T(point.segment);
+    return value;
+  }
+  PointCloud2ConstIterator & operator++() {++at; return *this;}
+  struct End {std::size_t size;};
+  End end() const {return {points.size()};}
+  bool operator!=(const End & other) const {return at != other.size;}
+};
+}
+"""}
+MAIN = """
+#include <iostream>
+int main()
+{
+  sensor_msgs::msg::PointCloud2 message{{
+    {1, 2, 1}, {3, 4, 1}, {5, 6, 4}, {7, 8, 4}, {9, 10, 4}, {11, 12, 5}, {13, 14, 5}}};
+  for (const auto & line : polylines(message)) {std::cout << line.size() << " ";}
+}
+"""
+
+
+@pytest.mark.skipif(shutil.which('g++') is None, reason='there is no C++ compiler')
+def test_cpp_example_reads_segments_with_missing_numbers(tmp_path: Path) -> None:
+    """~/rectified leaves numbers out: 1, 4 and 5 are three polylines."""
+    code = re.search(r'```cpp\n(.*?)```', MESSAGES, re.DOTALL).group(1)
+    for name, content in STUBS.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(content)
+    (tmp_path / 'main.cpp').write_text(code + MAIN)
+    subprocess.run(['g++', '-std=c++17', '-I', tmp_path, tmp_path / 'main.cpp', '-o',
+                    tmp_path / 'main'], check=True)
+    assert subprocess.run([tmp_path / 'main'], check=True, capture_output=True,
+                          text=True).stdout == '2 3 2 '
 
 
 def test_names_in_recipes_exist() -> None:

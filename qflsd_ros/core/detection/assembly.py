@@ -8,7 +8,8 @@ import numpy as np
 
 from qflsd_ros.core import circle
 from qflsd_ros.core.arcs import (
-    BENT, COLUMNS, CONTRAST, CURVATURE, END, LENGTH, MIDDLE, POLARITY, RMS, SCORE, START, SUPPORT)
+    BENT, COLUMNS, CONTRAST, CURVATURE, CURVATURE_STD, END, LENGTH, MIDDLE, OFFSET_STD, POLARITY,
+    RMS, SCORE, START, SUPPORT)
 from qflsd_ros.core.compilation import compiled, inlined
 from qflsd_ros.core.detection.extension import extended, FARTHEST
 from qflsd_ros.core.detection.joining import Joined, MOST_TURN, Pieces
@@ -23,7 +24,7 @@ SAMPLED = 0.5           # px at most between the points of an arc that are compa
 class Found(NamedTuple):
     """M arcs and the N edge points behind them."""
 
-    rows: np.ndarray        # (M, COLUMNS) float64, all but the standard deviations
+    rows: np.ndarray        # (M, COLUMNS) float64, deviations as for points of 1 px
     points: np.ndarray      # (2, N) float64, px
     pixels: np.ndarray      # (N, 2) int32, x and y
     offsets: np.ndarray     # (M + 1,) int64
@@ -176,6 +177,8 @@ def _describe(ends: np.ndarray, evidence: Evidence, members: np.ndarray, begins:
         rows[arc, RMS] = math.sqrt(fits[arc, 6] / fits[arc, 7])
         # The fit's count is a sum of quadrature weights: whole up to rounding.
         rows[arc, SUPPORT] = np.rint(fits[arc, 7])
+        rows[arc, CURVATURE_STD] = 2 * math.sqrt(fits[arc, 9])
+        rows[arc, OFFSET_STD] = math.sqrt(fits[arc, 10])
         rows[arc, BENT] = fits[arc, 11]
         keep[arc] = is_inside(rows, arc, evidence.region)
         # What is long enough before it is extended may wait until it is known to be no accident.

@@ -23,7 +23,7 @@ from qflsd_ros.core.arcs import (
     Arcs, BENT, COLUMNS, CONTRAST, CURVATURE_STD, END, LENGTH, OFFSET_STD, RMS, START, SUPPORT,
     TABLE)
 from qflsd_ros.core.circle import FIT_SIZE, Lens
-from qflsd_ros.core.compilation import compiled, inlined
+from qflsd_ros.core.compilation import compiled, inlined, summed
 from qflsd_ros.core.detection import noise
 from qflsd_ros.core.detection.assembly import Found, is_inside, write_geometry
 from qflsd_ros.core.detection.region import Region
@@ -36,8 +36,8 @@ OFF = 1.7
 LEAST_POINTS = 8        # that remain: as many as the shortest piece has
 SHIFT = 0.25            # px by which an arc's length may change; more belongs to no rounded corner
 MOST_BLUR = 6.0         # px, total; chains of what is blurred more wander by more than it says
+EVERY = 8               # edge points from one at which the blur is measured to the next
 FARTHEST = 3            # px from the edge: parallel edges are often not much farther
-EVERY = 4               # edge points from one at which the blur is measured to the next
 ROUNDING = 0.35         # grey levels: that of the image and, blurred, of the detector, as noise
 GRID = 0.015            # px, by which pixels displace sharp edges (measured on rendered ones)
 BLOCK = 2.5             # correlation lengths in a block: so that blocks are independent
@@ -63,7 +63,10 @@ def _blur_within(pixels: np.ndarray, first: int, last: int, evidence: Evidence,
     """
     height, width = evidence.dx.shape
     beside = at = slant = 0.0
-    for i in range(first, last + 1, EVERY):
+    # The same points whichever way the arc is travelled.
+    for k in range(2 * ((last - first) // 2 // EVERY) + 2):
+        away = k // 2 * EVERY + (last - first) // 2 % EVERY
+        i = last - away if k % 2 else first + away
         x, y = pixels[i, 0], pixels[i, 1]
         if not (step <= x < width - step and step <= y < height - step):
             continue
@@ -104,23 +107,17 @@ def _expected(rows: np.ndarray, arc: int, blur: float, grain: float, least: floa
     return together * 1.5 * part * part + GRID * GRID
 
 
-@inlined
-def _scatter(points: np.ndarray, first: int, last: int, fits: np.ndarray,
-             block: int) -> float:
-    """Return the sum of squares of residuals, summed in blocks, over the length of a block."""
-    total = part = 0.0
-    inside = 0
-    for i in range(first, last + 1):
-        part += circle.value((fits[0, 2], fits[0, 3], fits[0, 4], fits[0, 5]),
-                             points[0, i] - fits[0, 0], points[1, i] - fits[0, 1])
-        inside += 1
-        if inside == block or i == last:
-            total += part * part
-            part, inside = 0.0, 0
-    return total / block
+@summed
+def _sum(points: np.ndarray, first: int, end: int, fits: np.ndarray) -> float:
+    """Return the sum of the signed distances of edge points first to end - 1 from a fit, px."""
+    total = 0.0
+    for i in range(first, end):
+        total += circle.value((fits[0, 2], fits[0, 3], fits[0, 4], fits[0, 5]),
+                              points[0, i] - fits[0, 0], points[1, i] - fits[0, 1])
+    return total
 
 
-@inlined
+@summed
 def _squares(points: np.ndarray, first: int, end: int, fits: np.ndarray) -> float:
     """Return the sum of squared distances of edge points first to end - 1 from a fit, px^2."""
     total = 0.0
@@ -132,26 +129,53 @@ def _squares(points: np.ndarray, first: int, end: int, fits: np.ndarray) -> floa
 
 
 @inlined
-def _move(rows: np.ndarray, arc: int, points: np.ndarray, first: int, lo: int, hi: int,
-          last: int, fits: np.ndarray, tolerance: float, where: Region,
-          moved: np.ndarray) -> bool:
-    """Let an arc lie on a fit to its inner points if it ends at corners; return if it does."""
-    inner = _squares(points, lo, hi + 1, fits)
+def _scatter(points: np.ndarray, first: int, last: int, fits: np.ndarray, block: int) -> float:
+    """Return the sum of squares of distances, summed in blocks, over the length of a block."""
+    total = 0.0
+    for begin in range(first, last + 1, block):
+        total += _sum(points, begin, min(begin + block, last + 1), fits) ** 2
+    return total / block
+
+
+@inlined
+def _variance(rows: np.ndarray, arc: int, points: np.ndarray, lo: int, hi: int,
+              fits: np.ndarray, blur: float, grain: float, least: float) -> float:
+    """Return the variance of a point, times how many tell as much as one, px^2."""
+    dense = min(1.0, rows[arc, SUPPORT] / rows[arc, LENGTH])
+    together = math.sqrt(4 * math.pi) * least * dense
+    expected = _expected(rows, arc, blur, grain, least, together)
+    block = max(1, int(BLOCK * together + 0.5))
+    own = (hi - lo + 1) / block - CURVE
+    if own <= 0:
+        return expected
+    return (EXPECTED * expected + _scatter(points, lo, hi, fits, block)) / (EXPECTED + own)
+
+
+@inlined
+def _ends_at_corners(points: np.ndarray, first: int, lo: int, hi: int, last: int,
+                     fits: np.ndarray, tolerance: float) -> bool:
+    """Return whether points at the ends are off a fit to the inner ones, lo to hi."""
+    inner = fits[0, 6]
     outer = _squares(points, first, lo, fits) + _squares(points, hi + 1, last + 1, fits)
     count, out = last - first + 1, last - first - (hi - lo)
-    rms = math.sqrt((inner + outer) / count)
-    if outer * (count - out) <= OFF * OFF * inner * out or rms > tolerance:
-        return False
+    return (outer * (count - out) > OFF * OFF * inner * out
+            and inner + outer <= tolerance * tolerance * count)
+
+
+@inlined
+def _move(rows: np.ndarray, arc: int, fits: np.ndarray, rms: float, where: Region,
+          moved: np.ndarray) -> None:
+    """Let an arc lie on a fit, unless that leads out of the image or changes its length."""
     x0, y0, _, _ = circle.foot(fits, 0, rows[arc, START], rows[arc, START + 1])
     x1, y1, _, _ = circle.foot(fits, 0, rows[arc, END], rows[arc, END + 1])
     write_geometry(fits, 0, x0, y0, x1, y1, moved, 0)
     shift = abs(moved[0, LENGTH] - rows[arc, LENGTH])
     if shift > SHIFT or not is_inside(moved, 0, where):
-        return False
+        return
     for column in range(LENGTH + 1):
         rows[arc, column] = moved[0, column]
-    rows[arc, RMS] = rms
-    return True
+    rows[arc, RMS], rows[arc, CURVATURE_STD] = rms, 2 * math.sqrt(fits[0, 9])
+    rows[arc, OFFSET_STD] = math.sqrt(fits[0, 10])
 
 
 @compiled
@@ -164,22 +188,16 @@ def _refine(rows: np.ndarray, points: np.ndarray, pixels: np.ndarray, offsets: n
         lo, hi = _inner(rows, arc, first, last, blur)
         # All points have decided whether it is bent, those at its ends more than others.
         significance = 0.0 if rows[arc, BENT] > 0 else np.inf
-        if not (circle.fit(points, lo, hi, 0.0, significance, sharpest, lens, fits, 0)
-                and _move(rows, arc, points, first, lo, hi, last, fits, tolerance,
-                          evidence.region, moved)):
-            lo, hi = first, last
-            # The arc has been fitted with its limit of curvature: only deviations are asked for.
+        fitted = circle.fit(points, lo, hi, 0.0, significance, sharpest, lens, fits, 0)
+        if not fitted:
+            # The arc itself keeps the limit of curvature: only deviations are asked for.
             circle.fit(points, lo, hi, 0.0, significance, np.inf, lens, fits, 0)
-        count = hi - lo + 1
-        dense = min(1.0, (last - first + 1) / rows[arc, LENGTH])
-        together = math.sqrt(4 * math.pi) * least * dense
-        block = max(1, int(BLOCK * together + 0.5))
-        own = max(0.0, count / block - CURVE)
-        variance = (EXPECTED * _expected(rows, arc, blur, grain, least, together)
-                    + _scatter(points, lo, hi, fits, block)) / (EXPECTED + own)
-        rows[arc, CURVATURE_STD] = 2 * math.sqrt(variance * fits[0, 9])
-        rows[arc, OFFSET_STD] = math.sqrt(variance * fits[0, 10])
-        rows[arc, BENT] = fits[0, 11]
+        variance = _variance(rows, arc, points, lo, hi, fits, blur, grain, least)
+        if fitted and _ends_at_corners(points, first, lo, hi, last, fits, tolerance):
+            rms = math.sqrt(_squares(points, first, last + 1, fits) / (last - first + 1))
+            _move(rows, arc, fits, rms, evidence.region, moved)
+        rows[arc, CURVATURE_STD] *= math.sqrt(variance)
+        rows[arc, OFFSET_STD] *= math.sqrt(variance)
 
 
 def refine(found: Found, evidence: Evidence, tolerance: float, min_length: float,
@@ -190,7 +208,8 @@ def refine(found: Found, evidence: Evidence, tolerance: float, min_length: float
     Parameters
     ----------
     found
-        The arcs, of which the rows are written to.
+        The arcs; their deviations are those that points of a deviation of 1 px would give.  Rows
+        are written to.
     evidence
         Of the image.
     tolerance
@@ -208,8 +227,6 @@ def refine(found: Found, evidence: Evidence, tolerance: float, min_length: float
             sharpest, lens, np.empty((1, FIT_SIZE)), np.empty((1, COLUMNS)))
     table = rows.view(TABLE)[:, 0]
     table['support'], table['bent'] = rows[:, SUPPORT], rows[:, BENT]
+    arcs = Arcs(table, found.points.T, found.pixels, found.offsets)
     keep = table['length'] >= min_length
-    counts = np.diff(found.offsets)
-    points = keep.repeat(counts)
-    offsets = np.concatenate([[0], np.cumsum(counts[keep])])
-    return Arcs(table[keep], found.points.T[points], found.pixels[points], offsets)
+    return arcs if keep.all() else arcs.subset(keep)
