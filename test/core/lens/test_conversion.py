@@ -29,7 +29,7 @@ def grid() -> np.ndarray:
 def test_it_is_the_same_lens_all_over_the_image(lam, shift):
     lens = lens_of(lam, shift)
     found = camera_info_terms(lens)
-    assert found.residual < 0.05
+    assert found.residual < {'rational_polynomial': 0.05, 'equidistant': 0.2}[found.distortion_model]
     assert len(found.coefficients) == {'rational_polynomial': 8,
                                        'equidistant': 4}[found.distortion_model]
     rays = CameraModel(found.distortion_model, found.matrix, found.coefficients).rays(grid())
