@@ -228,7 +228,7 @@ def test_aliases_that_could_stand_for_gigabytes(
     (tmp_path / 'p.yaml').write_text(f'# a bomb\n/**: {text}')
     code, (line,) = run(capfd, tmp_path, '--params', tmp_path / 'p.yaml', '--output',
                         tmp_path / 'out')
-    assert code == 2 and re.search(r'p.yaml: .*line 2: alias \*a: .* none', line)
+    assert code == 2 and re.search(r'p.yaml: .*line 2: alias \*a: .* must not have aliases', line)
 
 
 def test_a_parameter_file_without_end(tmp_path: Path,

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from qflsd_ros.core import DivisionModel
 from qflsd_ros.core.lens.camera_model import CameraModel
-from qflsd_ros.core.lens.conversion import camera_info_terms, CameraInfoTerms, natural_focal_length
+from qflsd_ros.core.lens.conversion import (
+    camera_info_terms, CameraInfoTerms, CLOSE, natural_focal_length)
 
 SHAPE = (480, 640)
 lambdas = st.floats(-3, 0.24)
@@ -29,7 +30,7 @@ def grid() -> np.ndarray:
 def test_it_is_the_same_lens_all_over_the_image(lam, shift):
     lens = lens_of(lam, shift)
     found = camera_info_terms(lens)
-    assert found.residual < {'rational_polynomial': 0.05, 'equidistant': 0.2}[found.distortion_model]
+    assert found.residual < CLOSE[found.distortion_model]
     assert len(found.coefficients) == {'rational_polynomial': 8,
                                        'equidistant': 4}[found.distortion_model]
     rays = CameraModel(found.distortion_model, found.matrix, found.coefficients).rays(grid())
