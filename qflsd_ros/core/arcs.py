@@ -85,13 +85,6 @@ class Arcs:
         i = range(len(self))[i]
         return slice(self.offsets[i], self.offsets[i + 1])
 
-    def subset(self, keep: np.ndarray) -> Arcs:
-        """Return the arcs at which ``keep``, (M,) bool, is True, in the same order."""
-        counts = np.diff(self.offsets)
-        points = keep.repeat(counts)
-        offsets = np.concatenate([[0], np.cumsum(counts[keep])])
-        return Arcs(self.table[keep], self.edge_points[points], self.edge_pixels[points], offsets)
-
     def vertices(self, tolerance: float = 0.1) -> tuple[np.ndarray, np.ndarray]:
         """
         Approximate all arcs by polylines, laid one behind the other.

@@ -200,6 +200,27 @@ def _refine(rows: np.ndarray, points: np.ndarray, pixels: np.ndarray, offsets: n
         rows[arc, OFFSET_STD] *= math.sqrt(variance)
 
 
+@compiled
+def _leave_out_short(found: Found, min_length: float) -> int:
+    """Move the arcs of at least ``min_length`` px to the front, in order; return their number."""
+    kept = filled = 0
+    for arc in range(len(found.rows)):
+        first, last = found.offsets[arc], found.offsets[arc + 1]
+        if found.rows[arc, LENGTH] < min_length:
+            continue
+        if kept < arc:
+            for column in range(COLUMNS):
+                found.rows[kept, column] = found.rows[arc, column]
+            for i in range(first, last):
+                to = filled + i - first
+                found.points[0, to], found.points[1, to] = found.points[0, i], found.points[1, i]
+                found.pixels[to, 0], found.pixels[to, 1] = found.pixels[i, 0], found.pixels[i, 1]
+        kept += 1
+        filled += last - first
+        found.offsets[kept] = filled
+    return kept
+
+
 def refine(found: Found, evidence: Evidence, tolerance: float, min_length: float,
            sharpest: float, lens: Lens) -> Arcs:
     """
@@ -208,8 +229,8 @@ def refine(found: Found, evidence: Evidence, tolerance: float, min_length: float
     Parameters
     ----------
     found
-        The arcs; their deviations are those that points of a deviation of 1 px would give.  Rows
-        are written to.
+        The arcs; their deviations are those that points of a deviation of 1 px would give.  All of
+        its arrays are written to.
     evidence
         Of the image.
     tolerance
@@ -225,8 +246,8 @@ def refine(found: Found, evidence: Evidence, tolerance: float, min_length: float
     rows = found.rows
     _refine(rows, found.points, found.pixels, found.offsets, evidence, grain, least, tolerance,
             sharpest, lens, np.empty((1, FIT_SIZE)), np.empty((1, COLUMNS)))
+    count = _leave_out_short(found, min_length)
+    rows, offsets = rows[:count], found.offsets[:count + 1]
     table = rows.view(TABLE)[:, 0]
     table['support'], table['bent'] = rows[:, SUPPORT], rows[:, BENT]
-    arcs = Arcs(table, found.points.T, found.pixels, found.offsets)
-    keep = table['length'] >= min_length
-    return arcs if keep.all() else arcs.subset(keep)
+    return Arcs(table, found.points.T[:offsets[-1]], found.pixels[:offsets[-1]], offsets)

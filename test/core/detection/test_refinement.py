@@ -8,7 +8,7 @@ from qflsd_ros.core import Arcs, detector
 from rendering import disk, polygon, Region, render
 
 WIDE = 40.0         # px, of a bar
-LENGTHS = (20.0, 30), (40.0, 30), (60.0, 30), (120.0, 30)     # px, and how many of them
+LENGTHS = (20.0, 60), (40.0, 60), (60.0, 60), (120.0, 60)     # px, and how many of them
 
 
 def bar(middle: np.ndarray, turn: float, length: float, radius: float) -> Region:
@@ -69,7 +69,7 @@ def every_arc_is_bent(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_deviations_are_those_of_the_errors(radius, blur, noise):
     found = np.concatenate([errors(blur, length, noise, radius, count)
                             for length, count in LENGTHS])
-    assert len(found) > 90
+    assert len(found) > 200
     rms = np.sqrt((found ** 2).mean(axis=0))
     assert 0.8 < rms[0] < 1.25 and 0.8 < rms[1] < 1.3
 
