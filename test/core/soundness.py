@@ -8,6 +8,7 @@ from qflsd_ros.core.detection import edges, extension, noise, thresholds
 
 ACROSS = 0.5        # least cosine of the angle between a gradient and what counts as across
 EPSILON = 1e-3      # grey levels, of rounding
+STEP = 0.5          # px at most between the points of an arc that are held against a mask
 WIDE = 3.0          # px of tolerance, within which an edge may turn back beyond the arc's end
 
 
@@ -80,3 +81,13 @@ def assert_along(line: np.ndarray, points: np.ndarray, parameters: Parameters) -
     assert np.diff(place).min(initial=0) > -6
     ends = 4 + extension.FARTHEST
     assert place[0] < ends and place[-1] > project(line[-1:], line)[1] - ends
+
+
+def assert_within(arcs: Arcs, mask: np.ndarray) -> None:
+    """Assert that no point of an arc lies on a masked pixel."""
+    last = np.array(mask.shape)[::-1] - 1
+    for i, length in enumerate(arcs.table['length']):
+        points = samples(arcs, i, int(np.ceil(length / STEP)) + 1)
+        x, y = np.clip(np.floor(points + 0.5), 0, last).astype(int).T
+        assert mask[y, x].all(), arcs.table[i]
+    assert mask[arcs.edge_pixels[:, 1], arcs.edge_pixels[:, 0]].all()

@@ -2,22 +2,19 @@
 from __future__ import annotations
 
 import cv2
-from finding import samples
 from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from qflsd_ros.core import Arcs, Detector, DivisionModel, Parameters
+from qflsd_ros.core import Detector, DivisionModel, Parameters
 from qflsd_ros.core.detection import noise, thresholds
 from qflsd_ros.core.detection.region import MARGIN, region
-from qflsd_ros.ros.input.region import reduced, view
-from qflsd_ros.ros.parameters.node_parameters import Settings
 from rendering import half_plane, off_line, render
 from scenery import noise as texture
 from scenery import scene
+from soundness import assert_within
 
 SHAPE = (180, 240)
-STEP = 0.5          # px at most between the points of an arc that are looked at
 Y, X = np.mgrid[:SHAPE[0], :SHAPE[1]]
 
 
@@ -40,16 +37,6 @@ MASKS = st.one_of(
     st.builds(blobs, st.integers(0, 999)),
     st.builds(lambda pitch, width: (X + Y) % pitch >= width, st.integers(20, 60),
               st.integers(1, 4)))
-
-
-def assert_within(arcs: Arcs, mask: np.ndarray) -> None:
-    """Assert that no point of an arc lies on a masked pixel."""
-    last = np.array(mask.shape)[::-1] - 1
-    for i, length in enumerate(arcs.table['length']):
-        points = samples(arcs, i, int(np.ceil(length / STEP)) + 1)
-        x, y = np.clip(np.floor(points + 0.5), 0, last).astype(int).T
-        assert mask[y, x].all(), arcs.table[i]
-    assert mask[arcs.edge_pixels[:, 1], arcs.edge_pixels[:, 0]].all()
 
 
 @given(st.integers(0, 20), MASKS, st.sampled_from([0.7, 3.0]), st.sampled_from([None, -0.4]))
@@ -140,15 +127,3 @@ def test_masks_of_any_kind_and_order_give_the_same():
 def test_what_is_no_mask(mask):
     with pytest.raises(TypeError, match='mask is a .*: must be an array of shape .180, 240.'):
         Detector().detect(scene(), mask)
-
-
-@given(st.integers(0, 20), st.integers(0, 100), st.integers(0, 80), st.integers(20, 140),
-       st.integers(20, 100), st.sampled_from([0, 80]))
-def test_no_arc_leaves_the_region_of_the_node(seed, x, y, width, height, max_width):
-    settings = Settings(roi_x=x, roi_y=y, roi_width=width, roi_height=height,
-                        max_width=max_width)
-    factor, mask = view(settings, *SHAPE)
-    arcs = Detector(Parameters(min_score=-1000.0)).detect(reduced(scene(seed), factor), mask)
-    inside = np.zeros(SHAPE, bool)
-    inside[y:y + height, x:x + width] = True
-    assert_within(arcs.scaled(factor), inside)

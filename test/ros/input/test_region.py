@@ -6,11 +6,15 @@ from pathlib import Path
 import struct
 
 import cv2
+from hypothesis import given, strategies as st
 import numpy as np
 import pytest
+from qflsd_ros.core import Detector, Parameters
 from qflsd_ros.ros.input.region import read_mask, reduced, View, view, ViewError
 from qflsd_ros.ros.parameters.node_parameters import Settings
 from qflsd_ros.sources import SourceError
+from scenery import scene
+from soundness import assert_within
 
 
 def write_mask(folder: Path, black: tuple[slice, slice], shape: tuple[int, int]) -> str:
@@ -128,3 +132,16 @@ def test_the_file_is_read_once(tmp_path: Path) -> None:
     first = read_mask(path)
     Path(path).unlink()
     assert read_mask(path) is first
+
+
+@given(st.integers(0, 20), st.integers(0, 100), st.integers(0, 80), st.integers(20, 140),
+       st.integers(20, 100), st.sampled_from([0, 80]))
+def test_no_arc_leaves_the_region_of_the_node(seed, x, y, width, height, max_width):
+    gray = scene(seed)
+    settings = Settings(roi_x=x, roi_y=y, roi_width=width, roi_height=height,
+                        max_width=max_width)
+    factor, mask = view(settings, *gray.shape)
+    arcs = Detector(Parameters(min_score=-1000.0)).detect(reduced(gray, factor), mask)
+    inside = np.zeros(gray.shape, bool)
+    inside[y:y + height, x:x + width] = True
+    assert_within(arcs.scaled(factor), inside)
