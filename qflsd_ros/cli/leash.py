@@ -7,7 +7,7 @@ import sys
 from threading import Thread
 import time
 
-from qflsd_ros.ros.__main__ import main as run
+from qflsd_ros.ros.__main__ import end_on_signals, main as run
 
 GRACE = 5.0  # s that the node has to end after SIGTERM, before it is killed
 # The program of ``python -c START camera ...``. It removes the empty entry of sys.path, which
@@ -19,11 +19,14 @@ START = ('import sys; sys.path = [entry for entry in sys.path if entry]; '
 
 def main() -> int:
     """Run the node that the command line names, and return its exit code."""
+    end_on_signals()
     Thread(target=_end_with_input, name='leash', daemon=True).start()
     return run()
 
 
 def _end_with_input() -> None:
+    # The main thread may hold signals back while rclpy takes them over: leave them to it.
+    signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM))
     while os.read(sys.stdin.fileno(), 1):
         pass
     os.kill(os.getpid(), signal.SIGTERM)

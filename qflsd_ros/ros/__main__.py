@@ -30,11 +30,18 @@ def demo() -> int:
     return _run('demo', 'qflsd_ros.cli.demo')
 
 
-def _node(name: str) -> int:
-    # Python's own handler would raise KeyboardInterrupt anywhere, even within an import.  From
-    # rclpy.init on, rclpy handles both signals.
+def end_on_signals() -> None:
+    """
+    End the process with exit code 0 on SIGINT and SIGTERM, until rclpy.init takes both over.
+
+    Python's own handler would raise KeyboardInterrupt anywhere, even within an import.
+    """
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: os._exit(0))
+
+
+def _node(name: str) -> int:
+    end_on_signals()
     code = _run(name, f'qflsd_ros.ros.{name}')
     if threading.active_count() > 1:
         # A thread still compiles or detects.  It cannot be interrupted, and would crash while the

@@ -46,10 +46,8 @@ def run(name: str, make: Callable[[], Runnable]) -> int:
 
 
 def _made(make: Callable[[], Runnable]) -> Runnable:
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, signal.SIG_DFL)  # rclpy also calls the handler that it replaces
     try:
-        rclpy.init()
+        _init()
     except RuntimeError as error:
         cure = ''
         if 'log directory' in str(error):
@@ -61,3 +59,17 @@ def _made(make: Callable[[], Runnable]) -> Runnable:
         if not rclpy.ok():
             raise ExternalShutdownException from error
         raise ParameterError(f'{type(error).__name__}: {error}') from error
+
+
+def _init() -> None:
+    """Initialise rclpy, which handles SIGINT and SIGTERM from then on, and lose no signal."""
+    # rclpy also calls the handler that it replaces, so it must replace none.  A signal that came
+    # before rclpy's handler is there would kill the process: it waits until then.
+    signals = signal.SIGINT, signal.SIGTERM
+    signal.pthread_sigmask(signal.SIG_BLOCK, signals)
+    try:
+        for number in signals:
+            signal.signal(number, signal.SIG_DFL)
+        rclpy.init()
+    finally:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, signals)
