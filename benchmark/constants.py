@@ -26,12 +26,11 @@ from qflsd_ros.core import circle, detection, detector
 
 NOT_VARIED = {
     'column numbers, layout of memory and technical limits': (
-        'chains.BYTE_NUMBERS', 'circle.NO_LENS', 'detector.SMALLEST_IMAGE', 'edges.WEAK',
-        'edges.STRONG', 'extraction.SECTION', 'grid.CELL', 'joining.NODES', 'joining.COUNT',
-        'joining.RSS', 'joining.SIZE', 'order.GRAIN', 'suppression.CELL', 'suppression.ENTRIES'),
+        'chains.BYTE_NUMBERS', 'detector.SMALLEST_IMAGE', 'edges.WEAK',
+        'edges.STRONG', 'extraction.SECTION', 'extraction.NO_RUN', 'grid.CELL', 'joining.NODES',  'order.GRAIN', 'suppression.CELL', 'suppression.ENTRIES'),
     'given by theory': ('edges.SOBEL_GAIN',),
     'in use only with a known lens': (
-        'joining.KNOWN_ERROR', 'joining.BOW', 'joining.BENT', 'joining.EASE'),
+        'frame.KNOWN_STD', 'joining.BOW', 'joining.BENT', 'joining.EASE'),
     'in use only with a mask': ('assembly.SAMPLED',)}
 LEFT_OUT = frozenset(title for titles in NOT_VARIED.values() for title in titles)
 Name = tuple[str, str]      # module, name in it

@@ -1,32 +1,69 @@
 """
-The generalised circle of Section 2: lines and circles as one family, without a singularity.
+The generalised circle of Section 2 of the paper: lines and circles as one family of curves.
 
-Equation (4) of the paper, ``x^2 + y^2 + e x + f y + g = 0``, cannot hold a line, and its least
-squares (8), which is the fit of Kasa, pulls what is nearly straight towards small radii.  Here
+Equation (4) of the paper, ``x^2 + y^2 + e x + f y + g = 0``, cannot express a line, and its least
+squares (8), the fit of Kasa, biases nearly straight arcs towards small radii.  This module uses
 
     P(x, y) = A (x^2 + y^2) + B x + C y + D = 0  with  B^2 + C^2 - 4 A D = 1   (Pratt, 1987)
 
-stands for both: A = 0 is a line, and with this normalisation the gradient of P has length 1 all
-along the curve.  Its curvature is 2 A, and the signed distance of a point is
-``2 P / (1 + sqrt(1 + 4 A P))``.
+instead.  A line has A = 0.  With this normalisation the gradient of P has length 1 on the curve,
+the curvature is 2 A, and the signed distance of a point is ``2 P / (1 + sqrt(1 + 4 A P))``.
 
-Points are taken relative to an origin near the curve, which keeps the numbers small.
+Points are given relative to an origin near the curve, which keeps the numbers small.
 References: V. Pratt, Direct least-squares fitting of algebraic surfaces, SIGGRAPH 1987; A.
 Al-Sharadqah and N. Chernov, Error analysis for circle fitting algorithms, EJS 2009.
 """
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from qflsd_ros.core.compilation import compiled, inlined, summed
 
-Circle = tuple[float, float, float, float]
+Circle = tuple[float, float, float, float]      # A, B, C, D
 
-# How a lens bends the pictures of straight edges: lambda in 1 / px^2, and its centre x and y, px.
-Lens = tuple[float, float, float]
-NO_LENS = 0.0, 0.0, 0.0
+# Columns of a fit, one row of a float64 array: the origin; A to D relative to it, along the
+# image's axes; the residual sum of squares and the sum of the weights of the points; the variance
+# of A by these residuals; the variances of A and D for points of a variance of 1 px^2; and 1 where
+# A is fitted, 0 where it is that of the image of a line.
+X0, Y0, A, B, C, D, RSS, COUNT, VAR_A, LEVER_A, LEVER_D, BENT, FIT_SIZE = range(13)
+NOISE_FLOOR = 0.05      # px, least standard deviation of a point (tuned on rendered edges)
+# Number of neighbouring edge points with the same error: they are located from shared pixels, and
+# blurred together (measured on rendered edges).
+CORRELATED = 3.0
+
+
+class LensPrior(NamedTuple):
+    """
+    The lens as the kernels use it: a division model, and how uncertain its lambda is.
+
+    A lens of which nothing is known is :data:`UNKNOWN_LENS`: lambda is 0, and its deviation
+    infinite.
+    """
+
+    lam: float      # lambda, 1/px^2
+    x: float        # centre of the distortion, px
+    y: float
+    std: float      # standard deviation of lambda, 1/px^2
+
+
+UNKNOWN_LENS = LensPrior(0.0, 0.0, 0.0, math.inf)
+
+
+@inlined
+def is_known(lens: LensPrior) -> bool:
+    """Return whether anything is known of a lens."""
+    return lens.std < math.inf
+
+
+class CurvatureLimits(NamedTuple):
+    """Which curvatures a fit may have."""
+
+    significance: float     # standard deviations of A from the image of a line, to be bent
+    maximum: float          # 1/px
+    lens: LensPrior
 
 
 @inlined
@@ -38,9 +75,9 @@ def value(circle: Circle, x: float, y: float) -> float:
 @inlined
 def at_centre(lam: float, x: float, y: float, b: float, c: float, d: float) -> float:
     """
-    Return P at the centre (x, y) of a lens, of the picture of a straight edge.
+    Return P at the centre (x, y) of a lens, for the image of a line with the given B, C and D.
 
-    It is given by its B, C and D; its A is lambda times what is returned (paper, equation (4)).
+    Equation (4) of the paper makes A the product of lambda and this value.
     """
     return (b * x + c * y + d) / (1 - lam * (x * x + y * y))
 
@@ -54,68 +91,59 @@ def distance(circle: Circle, x: float, y: float) -> float:
 
 @inlined
 def through(x0: float, y0: float, x1: float, y1: float, x2: float, y2: float,
-            sharpest: float) -> tuple[Circle, float]:
+            max_curvature: float) -> tuple[Circle, float]:
     """
     Return the generalised circle through three points, and its gradient's squared length.
 
-    It is not normalised, so that a hypothesis may be dropped before it has cost a root: see
-    :func:`normalised`.  The points are given in px relative to any origin; the circle's origin is
-    (x1, y1).  Where it would be bent more than ``sharpest`` (1/px), which the noise of close
-    points brings about, it is the line through the outer two; where these coincide, all is 0.
+    The circle is not normalised, see :func:`normalised`: a hypothesis that is rejected does not
+    cost a square root.  The points are given in px relative to any origin; the circle's origin is
+    (x1, y1).  If the curvature were above ``max_curvature``, 1/px, as the noise of close points
+    causes, the circle is the line through the outer points.  If these coincide, all is 0.
     """
     ax, ay = x0 - x1, y0 - y1
     bx, by = x2 - x1, y2 - y1
     # D = 0 since the origin lies on it; A, B, C are the minors of the other two rows.
     a2, b2 = ax * ax + ay * ay, bx * bx + by * by
-    A = ax * by - ay * bx
-    B = ay * b2 - a2 * by
-    C = a2 * bx - ax * b2
-    square = B * B + C * C
-    if 4 * A * A <= sharpest * sharpest * square and square > 0.0:
-        return (A, B, C, 0.0), square
+    a = ax * by - ay * bx
+    b = ay * b2 - a2 * by
+    c = a2 * bx - ax * b2
+    square = b * b + c * c
+    if 4 * a * a <= max_curvature * max_curvature * square and square > 0.0:
+        return (a, b, c, 0.0), square
     ux, uy = bx - ax, by - ay
     return (0.0, -uy, ux, ax * uy - ay * ux), ux * ux + uy * uy
 
 
 @inlined
-def pictured(x0: float, y0: float, x1: float, y1: float, lam: float) -> tuple[Circle, float]:
+def image_of_line(x0: float, y0: float, x1: float, y1: float,
+                  lam: float) -> tuple[Circle, float]:
     """
-    Return the picture of the straight edge through two points, and its gradient's squared length.
+    Return the image of the line through two points, and its gradient's squared length.
 
     It is not normalised, as in :func:`through`.  The points are given in px relative to the centre
     of the lens, which is the circle's origin, and ``lam`` is lambda in 1/px^2: A = lambda D.
     """
     w0, w1 = 1 + lam * (x0 * x0 + y0 * y0), 1 + lam * (x1 * x1 + y1 * y1)
-    B, C, D = y0 * w1 - y1 * w0, x1 * w0 - x0 * w1, x0 * y1 - x1 * y0
-    return (lam * D, B, C, D), B * B + C * C - 4 * lam * D * D
+    b, c, d = y0 * w1 - y1 * w0, x1 * w0 - x0 * w1, x0 * y1 - x1 * y0
+    return (lam * d, b, c, d), b * b + c * c - 4 * lam * d * d
 
 
 @inlined
 def normalised(circle: Circle, square: float) -> Circle:
-    """Divide a circle by the length of its gradient, of which the square is given."""
+    """Divide a circle by the length of its gradient, whose square is given."""
     scale = 1 / math.sqrt(square)
     return circle[0] * scale, circle[1] * scale, circle[2] * scale, circle[3] * scale
 
 
-# What a fit is: one row of a float64 array.  ``var_A`` is what decisions take for the variance of
-# A; ``lever_A`` and ``lever_D`` are the variances of A and D for each px^2 of a point's variance;
-# ``bent`` is 1 where A is fitted, 0 where it is that of the picture of a straight edge.
-FIT = ('x', 'y', 'A', 'B', 'C', 'D', 'rss', 'n', 'var_A', 'lever_A', 'lever_D', 'bent')
-FIT_SIZE = len(FIT)
-NOISE_FLOOR = 0.05      # px, the least standard deviation that a point is believed to have
-# Edge points in a row are located from pixels that they share, and blurred together: their errors
-# agree over about this many, of which each but one tells nothing new (measured on rendered edges).
-CORRELATED = 3.0
-
-
 # Sums of z^2, z t, z, t^2, t, 1, z v, t v, v and v^2 over points (t, v), where z = t^2 + v^2.
 Moments = tuple[float, float, float, float, float, float, float, float, float, float]
+Frame = tuple[float, float, float, float]       # origin and unit x axis
 
 
 @summed
-def _moments(points: np.ndarray, first: int, last: int, ox: float, oy: float, ux: float,
-             uy: float) -> Moments:
-    """Return the weighted moments of points in a frame with origin (ox, oy) and axis (ux, uy)."""
+def _moments(points: np.ndarray, first: int, last: int, frame: Frame) -> Moments:
+    """Return the weighted moments of points first to last in a frame."""
+    ox, oy, ux, uy = frame
     szz = szt = sz = stt = st = sw = szv = stv = sv = svv = 0.0
     weighted = len(points) == 3
     for i in range(first, last + 1):
@@ -136,13 +164,13 @@ def _moments(points: np.ndarray, first: int, last: int, ox: float, oy: float, ux
     return szz, szt, sz, stt, st, sw, szv, stv, sv, svv
 
 
-# A, B, D, the residual sum of squares, and lever_A and lever_D of :data:`FIT`.
+# A, B, D, the residual sum of squares, and the variances LEVER_A and LEVER_D.
 Solution = tuple[float, float, float, float, float, float]
 
 
 @inlined
 def _circle(moments: Moments, residual: float) -> Solution:
-    """Return the least squares of A z + B t + D + v; its levers are nan where there is none."""
+    """Return the least squares of A z + B t + D + v; both variances are nan if singular."""
     szz, szt, sz, stt, st, sw, szv, stv, sv, svv = moments
     # The inverse of the symmetric matrix of the normal equations, by its cofactors.
     caa, cab, cad = stt * sw - st * st, sz * st - szt * sw, szt * st - sz * stt
@@ -158,8 +186,8 @@ def _circle(moments: Moments, residual: float) -> Solution:
 
 
 @inlined
-def _straight(moments: Moments, residual: float, a: float, lever_a: float) -> Solution:
-    """Return the least squares with a given A; its levers are nan where there is none."""
+def _of_curvature(moments: Moments, residual: float, a: float, lever_a: float) -> Solution:
+    """Return the least squares for a given A; LEVER_D is nan if singular."""
     szz, szt, sz, stt, st, sw, szv, stv, sv, svv = moments
     det = stt * sw - st * st
     if not det > 0.0:
@@ -172,39 +200,52 @@ def _straight(moments: Moments, residual: float, a: float, lever_a: float) -> So
     return a, b, d, rss, lever_a, stt / det
 
 
+@inlined
+def _line_curvature(lens: LensPrior, frame: Frame, b: float, d: float) -> float:
+    """Return the A that the image of a line has through a lens, given its B and D in a frame."""
+    ox, oy, ux, uy = frame
+    cx, cy = lens.x - ox, lens.y - oy
+    return lens.lam * at_centre(lens.lam, cx * ux + cy * uy, cy * ux - cx * uy, b, 1.0, d)
+
+
+@inlined
+def _norm(a: float, b: float, d: float) -> float:
+    """Return the length of the gradient of a circle with C = 1."""
+    return math.sqrt(max(b * b + 1.0 - 4.0 * a * d, 1e-12))
+
+
 @compiled
-def fit(points: np.ndarray, first: int, last: int, residual: float, significance: float,
-        sharpest: float, lens: Lens, fits: np.ndarray, row: int) -> bool:
+def fit(points: np.ndarray, span: tuple[int, int], residual: float, limits: CurvatureLimits,
+        fits: np.ndarray, row: int) -> bool:
     """
-    Fit the generalised circle to points ``first`` to ``last`` by least squares.
+    Fit the generalised circle to a span of points by least squares.
 
     In a frame with its origin at the middle point and its x axis along the chord, C is close to 1
-    all along the arc, so that minimising sum w (A (x^2 + y^2) + B x + D + y)^2 minimises the
-    distances, without the bias of equation (8).  The picture of a straight edge (A = 0 without a
-    lens) is fitted instead where A does not differ from that by more than ``significance``
-    standard deviations, or the curvature is above ``sharpest``, 1/px; a curve that would still be
-    bent more than that is none.
+    all along the arc.  Minimising sum w (A (x^2 + y^2) + B x + D + y)^2 therefore minimises the
+    distances, without the bias of equation (8).  The image of a line (A = 0 without a lens) is
+    fitted instead where A does not differ significantly from its A, or the curvature is above the
+    maximum.
 
     Parameters
     ----------
     points
-        (2, N) x and y, px, or (3, N) with the number of edge points that each stands for.
-    first, last
-        Which of them to fit, both included.
+        (2, N) x and y, px, or (3, N) with the number of edge points that each represents.
+    span
+        First and last point to fit, both included.
     residual
-        Residual sum of squares of those edge points about the given ones, px^2, to be added.
-    significance, sharpest, lens
-        See above.
+        Residual sum of squares of the represented edge points about the given points, px^2.
+    limits
+        Significance and maximum of the curvature, and the lens.
     fits, row
-        (R, FIT_SIZE) float64, of which the row takes what :data:`FIT` names: origin, A to D (in
-        the image's axes, relative to the origin), residual sum of squares, sum of weights, and how
-        certain A and D are.
+        (R, FIT_SIZE) float64, and the row of it that receives the fit.
 
     Returns
     -------
-    False, and writes nothing, where the points do not determine a curve, or none that may be.
+    Whether there is a fit.  There is none, and nothing is written, if the points do not determine
+    a curve, or the image of a line would exceed the maximum curvature.
 
     """
+    first, last = span
     middle = (first + last) // 2
     ox, oy = float(points[0, middle]), float(points[1, middle])
     ux, uy = float(points[0, last] - points[0, first]), float(points[1, last] - points[1, first])
@@ -212,32 +253,76 @@ def fit(points: np.ndarray, first: int, last: int, residual: float, significance
     if size == 0.0:
         return False
     ux, uy = ux / size, uy / size
-    moments = _moments(points, first, last, ox, oy, ux, uy)
+    frame = (ox, oy, ux, uy)
+    moments = _moments(points, first, last, frame)
+    count = moments[5]
     a, b, d, rss, lever_a, lever_d = _circle(moments, residual)
-    var_a = lever_a * CORRELATED * max(rss / max(moments[5] - 3.0, 1.0), NOISE_FLOOR ** 2)
-    cx, cy = lens[1] - ox, lens[2] - oy
-    usual = lens[0] * at_centre(lens[0], cx * ux + cy * uy, cy * ux - cx * uy, b, 1.0, d)
-    norm = math.sqrt(max(b * b + 1.0 - 4.0 * a * d, 1e-12))
-    bent = (a - usual) ** 2 > significance ** 2 * var_a and 2 * abs(a) <= sharpest * norm
+    var_a = lever_a * CORRELATED * max(rss / max(count - 3.0, 1.0), NOISE_FLOOR ** 2)
+    line_a = _line_curvature(limits.lens, frame, b, d)
+    norm = _norm(a, b, d)
+    bent = ((a - line_a) ** 2 > limits.significance ** 2 * var_a
+            and 2 * abs(a) <= limits.maximum * norm)
     if not bent:
         var_a, lever_a = (var_a, lever_a) if var_a >= 0 else (0.0, 0.0)
-        a, b, d, rss, lever_a, lever_d = _straight(moments, residual, usual, lever_a)
-        norm = math.sqrt(max(b * b + 1.0 - 4.0 * a * d, 1e-12))
-        if not (lever_d >= 0 and 2 * abs(a) <= sharpest * norm):
+        a, b, d, rss, lever_a, lever_d = _of_curvature(moments, residual, line_a, lever_a)
+        norm = _norm(a, b, d)
+        if not (lever_d >= 0 and 2 * abs(a) <= limits.maximum * norm):
             return False
-    fits[row, 0], fits[row, 1], fits[row, 2] = ox, oy, a / norm
-    fits[row, 3], fits[row, 4] = (b * ux - uy) / norm, (b * uy + ux) / norm
-    fits[row, 5], fits[row, 6], fits[row, 7] = d / norm, rss, moments[5]
-    fits[row, 8], fits[row, 9], fits[row, 10], fits[row, 11] = var_a, lever_a, lever_d, bent
+    fits[row, X0], fits[row, Y0], fits[row, A] = ox, oy, a / norm
+    fits[row, B], fits[row, C] = (b * ux - uy) / norm, (b * uy + ux) / norm
+    fits[row, D], fits[row, RSS], fits[row, COUNT] = d / norm, rss, count
+    fits[row, VAR_A], fits[row, LEVER_A], fits[row, LEVER_D] = var_a, lever_a, lever_d
+    fits[row, BENT] = bent
     return True
 
 
 @inlined
+def curve(fits: np.ndarray, i: int) -> Circle:
+    """Return A to D of fit i, relative to its origin."""
+    return fits[i, A], fits[i, B], fits[i, C], fits[i, D]
+
+
+@inlined
+def value_at(fits: np.ndarray, i: int, x: float, y: float) -> float:
+    """Return P of fit i at a point of the image: close to the curve the distance, px."""
+    return value(curve(fits, i), x - fits[i, X0], y - fits[i, Y0])
+
+
+@inlined
+def normal_at(fits: np.ndarray, i: int, x: float, y: float) -> tuple[float, float]:
+    """Return the gradient of P of fit i at a point of the image: a unit normal on the curve."""
+    return (2 * fits[i, A] * (x - fits[i, X0]) + fits[i, B],
+            2 * fits[i, A] * (y - fits[i, Y0]) + fits[i, C])
+
+
+@inlined
 def foot(fits: np.ndarray, i: int, x: float, y: float) -> tuple[float, float, float, float]:
-    """Return the point of fitted curve i closest to (x, y), and the unit tangent there."""
-    dx, dy = x - fits[i, 0], y - fits[i, 1]
-    d = distance((fits[i, 2], fits[i, 3], fits[i, 4], fits[i, 5]), dx, dy)
-    gx, gy = 2 * fits[i, 2] * dx + fits[i, 3], 2 * fits[i, 2] * dy + fits[i, 4]
+    """Return the point of fit i closest to (x, y), and the unit tangent there."""
+    d = distance(curve(fits, i), x - fits[i, X0], y - fits[i, Y0])
+    gx, gy = normal_at(fits, i, x, y)
     size = math.sqrt(gx * gx + gy * gy)
     gx, gy = gx / size, gy / size
     return x - d * gx, y - d * gy, -gy, gx
+
+
+@inlined
+def arc_between(fits: np.ndarray, i: int, x0: float, y0: float, x1: float,
+                y1: float) -> tuple[float, float, float, float]:
+    """
+    Return middle x and y, curvature and length of the arc between two points of fit i.
+
+    Units are px and 1/px.  The curvature is positive where travel from (x0, y0) to (x1, y1) turns
+    from the x axis to the y axis.
+    """
+    cx, cy, mx, my = x1 - x0, y1 - y0, (x0 + x1) / 2, (y0 + y1) / 2
+    chord = math.sqrt(cx * cx + cy * cy)
+    gx, gy = normal_at(fits, i, mx, my)
+    # The curve bends towards -A times its gradient; travel turns positively if that lies to the
+    # side of the normal (-cy, cx).
+    bend = 2 * abs(fits[i, A])
+    turn = 1.0 if fits[i, A] * (gy * cx - gx * cy) < 0 else -1.0
+    half = math.asin(min(1.0, bend * chord / 2))
+    sagitta = turn * chord / 2 * math.tan(half / 2)
+    curvature = turn * bend if bend > 0 else 0.0
+    length = 2 * half / bend if half > 1e-9 else chord
+    return mx + sagitta * cy / chord, my - sagitta * cx / chord, curvature, length

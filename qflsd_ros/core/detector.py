@@ -8,15 +8,15 @@ import numpy as np
 
 from qflsd_ros.core import paper
 from qflsd_ros.core.arcs import Arcs
-from qflsd_ros.core.circle import FIT_SIZE, NO_LENS
+from qflsd_ros.core.circle import FIT_SIZE
 from qflsd_ros.core.detection import (
     assembly, chains, edges, extraction, joining, noise, refinement, thresholds)
+from qflsd_ros.core.detection.frame import curvature_limits, Frame, Limits
 from qflsd_ros.core.detection.region import Region, region
-from qflsd_ros.core.detection.validation import Evidence
 from qflsd_ros.core.lens.division import DivisionModel
 from qflsd_ros.core.parameters import Parameters
 
-SHORTEST = 8                # edge points of the shortest piece of an arc in an image without noise
+MIN_POINTS = 8              # edge points of the shortest piece of an arc in an image without noise
 # Shortest piece from which an arc is made, px for each edge point of the shortest piece (tuned on
 # photographs: with 1.25, sides of 17 px are found as often, and it takes 2 % longer).
 SEED = 1.5
@@ -90,78 +90,75 @@ class Detector:
             return paper.detect(gray, self.parameters)
         if self._memory.shape != gray.shape:
             self._memory = _Memory(*gray.shape)
-        where = self._memory.region(mask)
-        grain = noise.estimate(gray, where)
-        shortest = noise.shortest(SHORTEST, grain)
-        blur_sigma = noise.blur(self.parameters.blur_sigma, grain)
-        grain = noise.of_gradient(grain, blur_sigma)
+        return self._detect(gray, self._memory.region(mask), lens)
+
+    def _detect(self, gray: np.ndarray, region: Region, lens: DivisionModel | None) -> Arcs:
+        """Find the arcs of a region, stage by stage."""
+        memory = self._memory
+        grain = noise.estimate(gray, region)
+        limits = self._limits(grain, lens)
         self._ended('noise')
-        count, clear = self._find_chains(gray, where, blur_sigma, grain, shortest)
-        pieces = self._extract(count, shortest, lens)
-        evidence = Evidence(self._memory.points, self._memory.dx, self._memory.dy, clear, grain,
-                            where, blur_sigma)
-        return self._assemble(pieces, shortest, evidence, lens)
-
-    def _find_chains(self, gray: np.ndarray, where: Region, blur_sigma: float, grain: float,
-                     shortest: int) -> tuple[int, float]:
-        """Leave the chains in memory; return their number and a clear contrast (Step 1)."""
-        memory = self._memory
-        edges.gradients(gray, blur_sigma, memory.blurred, memory.dx, memory.dy)
+        frame = self._frame(gray, region, grain)
         self._ended('gradients')
-        # Only now: what is read line by line has the image in the cache by then.
-        strength = thresholds.estimate(gray, where)
-        scale = thresholds.scale(strength, grain, self.parameters.contrast_high)
-        low, high = scale * self.parameters.contrast_low, scale * self.parameters.contrast_high
-        dx, dy = memory.dx.reshape(-1), memory.dy.reshape(-1)
-        memory.reserve(edges.find(memory.dx, memory.dy, low, high, memory.magnitudes,
+        memory.reserve(edges.find(frame.dx, frame.dy, frame.low, frame.high, memory.magnitudes,
                                   memory.edges))
-        if where.masked:
-            np.multiply(memory.edges, where.seen, memory.edges)
+        if region.masked:
+            np.multiply(memory.edges, region.seen, memory.edges)
         self._ended('edges')
-        count = chains.trace(dx, dy, memory.flat, memory.words, memory.steps, shortest,
-                             memory.pixels, memory.offsets)
-        edges.locate(dx, dy, gray.shape[1], memory.pixels, memory.offsets[count],
-                     memory.points)
+        offsets = self._trace(frame, limits.min_points)
         self._ended('chains')
-        return count, high
-
-    def _extract(self, chain_count: int, shortest: int,
-                 lens: DivisionModel | None) -> joining.Pieces:
-        """Find the pieces of arcs in all chains (Steps 2 to 5)."""
-        memory = self._memory
-        count = extraction.extract(memory.points, memory.offsets, chain_count, shortest,
-                                   self.parameters.tolerance, SIGNIFICANCE, self._sharpest(),
-                                   NO_LENS if lens is None else lens.in_pixels,
-                                   lens is not None, memory.todo, memory.runs, memory.fits)
+        count = extraction.extract(memory.points, offsets, limits, memory.todo, memory.runs,
+                                   memory.fits)
         pieces = joining.describe(memory.points, memory.runs[:count], memory.fits[:count],
                                   memory.joining)
         self._ended('extraction')
-        return pieces
-
-    def _assemble(self, pieces: joining.Pieces, shortest: int, evidence: Evidence,
-                  lens: DivisionModel | None) -> Arcs:
-        """Join the pieces and describe the arcs (Step 6)."""
-        memory, parameters = self._memory, self.parameters
-        joined = joining.join(pieces, memory.joining, memory.dx, memory.dy, evidence.region,
-                              SEED * shortest, parameters.max_gap, parameters.tolerance,
-                              SIGNIFICANCE, self._sharpest(), lens)
+        joined = joining.join(pieces, memory.joining, frame, limits)
         self._ended('joining')
-        found = assembly.assemble(pieces, joined, evidence, memory.pixels, parameters.tolerance,
-                                  parameters.min_length - refinement.SHIFT, parameters.min_score,
-                                  parameters.min_distance)
-        in_pixels = NO_LENS if lens is None else lens.in_pixels
-        self._ended('assembly')
-        arcs = refinement.refine(found, evidence, parameters.tolerance, parameters.min_length,
-                                 self._sharpest(), in_pixels)
+        found = assembly.candidates(pieces, joined)
+        assembly.validate(found, pieces, memory.points, frame, limits,
+                          limits.min_length - refinement.SHIFT)
+        self._ended('validation')
+        assembly.separate(found, gray.shape, limits.min_distance)
+        self._ended('suppression')
+        kept = assembly.gather(found, pieces.runs, memory.points, memory.pixels, gray.shape[1])
+        arcs = refinement.refine(kept, frame, limits)
         self._ended('refinement')
         return arcs
+
+    def _limits(self, grain: float, lens: DivisionModel | None) -> Limits:
+        """Return the limits for an image with noise of so many grey levels."""
+        parameters, min_points = self.parameters, noise.min_points(MIN_POINTS, grain)
+        return Limits(min_points, SEED * min_points, parameters.min_length, parameters.min_score,
+                      parameters.min_distance, parameters.max_gap, parameters.tolerance,
+                      *curvature_limits(SIGNIFICANCE, self._max_curvature(), lens))
+
+    def _frame(self, gray: np.ndarray, region: Region, grain: float) -> Frame:
+        """Compute the gradients, and the thresholds for them (Step 1)."""
+        memory, parameters = self._memory, self.parameters
+        blur_sigma = noise.blur(parameters.blur_sigma, grain)
+        edges.gradients(gray, blur_sigma, memory.blurred, memory.dx, memory.dy)
+        # After the gradients: single lines of the image are read faster from the cache.
+        strength = thresholds.estimate(gray, region)
+        gradient_noise = noise.of_gradient(grain, blur_sigma)
+        scale = thresholds.scale(strength, gradient_noise, parameters.contrast_high)
+        return Frame(memory.dx, memory.dy, region, gradient_noise, blur_sigma,
+                     scale * parameters.contrast_low, scale * parameters.contrast_high)
+
+    def _trace(self, frame: Frame, min_points: int) -> np.ndarray:
+        """Leave chains of edge points in memory; return where each begins, and their end."""
+        memory, (height, width) = self._memory, frame.dx.shape
+        dx, dy = frame.dx.reshape(-1), frame.dy.reshape(-1)
+        count = chains.trace(dx, dy, memory.flat, memory.words, memory.steps, min_points,
+                             memory.pixels, memory.offsets)
+        edges.locate(dx, dy, width, memory.pixels, memory.offsets[count], memory.points)
+        return memory.offsets[:count + 1]
 
     def _ended(self, stage: str) -> None:
         """Report the end of a stage to whoever measures."""
         if self.on_stage is not None:
             self.on_stage(stage)
 
-    def _sharpest(self) -> float:
+    def _max_curvature(self) -> float:
         """
         Return the largest curvature of an arc, 1/px.
 

@@ -6,7 +6,8 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 from qflsd_ros.core import circle, DivisionModel, paper
-from qflsd_ros.core.circle import FIT, FIT_SIZE, NO_LENS
+from qflsd_ros.core.circle import CurvatureLimits, FIT_SIZE
+from qflsd_ros.core.detection.frame import lens_prior
 from seen import edge, edges
 
 radii = st.floats(50, 1e7)
@@ -15,7 +16,10 @@ places = st.tuples(st.floats(-4000, 4000), st.floats(-4000, 4000))
 sides = st.sampled_from([-1, 1])
 lambdas = st.floats(-1, 0.3)
 seeds = st.integers(0, 10**6)
-ANY = 1e9       # 1/px, sharper than any curve
+ANY = 1e9       # 1/px, above the curvature of any curve
+FIT = {'x': circle.X0, 'y': circle.Y0, 'A': circle.A, 'B': circle.B, 'C': circle.C,
+       'D': circle.D, 'rss': circle.RSS, 'n': circle.COUNT, 'var_A': circle.VAR_A,
+       'lever_A': circle.LEVER_A, 'lever_D': circle.LEVER_D, 'bent': circle.BENT}
 SHAPE = 480, 640
 
 
@@ -28,21 +32,21 @@ def arc(place: tuple[float, float], angle: float, radius: float, length: float,
     return np.array(place) + along[:, None] * u + across[:, None] * [-u[1], u[0]]
 
 
-def through(points: np.ndarray, sharpest: float = ANY) -> circle.Circle:
+def through(points: np.ndarray, max_curvature: float = ANY) -> circle.Circle:
     """Return the circle through the rows of (3, 2) points; its origin is the middle one."""
-    return circle.normalised(*circle.through(*points.ravel(), sharpest))
+    return circle.normalised(*circle.through(*points.ravel(), max_curvature))
 
 
 def fit(points: np.ndarray, weight: np.ndarray | None = None, residual: float = 0.0,
-        significance: float = 0.0, sharpest: float = ANY,
-        lens: circle.Lens = NO_LENS) -> dict[str, float] | None:
-    """Return what was fitted to all points by the names of FIT, or None."""
+        significance: float = 0.0, maximum: float = ANY,
+        lens: DivisionModel | None = None) -> dict[str, float] | None:
+    """Return the fit to all points by the names of its columns, or None."""
     fits = np.empty((1, FIT_SIZE))
     rows = np.vstack(points.T if weight is None else [*points.T, weight])
-    if not circle.fit(rows, 0, len(points) - 1, residual, significance, sharpest, lens,
-                      fits, 0):
+    limits = CurvatureLimits(significance, maximum, lens_prior(lens))
+    if not circle.fit(rows, (0, len(points) - 1), residual, limits, fits, 0):
         return None
-    return dict(zip(FIT, fits[0]))
+    return {name: fits[0, column] for name, column in FIT.items()}
 
 
 def off(fitted: dict[str, float], points: np.ndarray) -> np.ndarray:
@@ -63,7 +67,7 @@ def test_through_three_points(place, angle, radius, side, length):
 
 
 @given(lambdas, angles, st.floats(-200, 200), st.floats(10, 100), st.floats(0.1, 0.9))
-def test_the_picture_of_a_straight_edge_through_two_points(lam, angle, away, half, share):
+def test_the_image_of_a_line_through_two_points(lam, angle, away, half, share):
     lens = DivisionModel(lam, SHAPE)
     u = np.array([np.cos(angle), np.sin(angle)])
     start, end = (lens.origin + along * u + away * np.array([-u[1], u[0]])
@@ -71,7 +75,7 @@ def test_the_picture_of_a_straight_edge_through_two_points(lam, angle, away, hal
     straight = lens.undistort(np.array([start, end]))
     between = lens.distort(share * straight[0] + (1 - share) * straight[1])
     start, end, between = start - lens.origin, end - lens.origin, between - lens.origin
-    model = circle.normalised(*circle.pictured(*start, *end, lens.in_pixels[0]))
+    model = circle.normalised(*circle.image_of_line(*start, *end, lens.in_pixels[0]))
     assert np.isclose(model[1] ** 2 + model[2] ** 2 - 4 * model[0] * model[3], 1)
     for point in (start, end, between):
         assert abs(circle.distance(model, *point)) < 1e-6
@@ -112,7 +116,7 @@ def test_the_centre_is_farthest():
 
 
 @given(places, angles, st.floats(50, 300), st.floats(10, 60))
-def test_too_sharp_is_the_line_through_the_outer_two(place, angle, radius, length):
+def test_above_the_maximum_curvature_is_the_line_through_the_outer_two(place, angle, radius, length):
     points = arc(place, angle, radius, length, 3)
     model = through(points, 0.9 / radius)
     outer = points[[0, 2]] - points[1]
@@ -157,7 +161,7 @@ def test_fit_is_not_biased_where_that_of_kasa_is():
 @pytest.mark.parametrize('n', [8, 20, 200])
 def test_a_straight_row_of_pixels_is_straight(angle, n):
     points = np.round(arc((300, 300), angle, 1e12, n, n + 1))
-    fitted = fit(points, significance=3.0, sharpest=0.01)
+    fitted = fit(points, significance=3.0, maximum=0.01)
     assert fitted['A'] == 0
     assert np.abs(off(fitted, points)).max() < 1
 
@@ -203,7 +207,7 @@ def bend(fitted: dict[str, float]) -> float:
 
 
 def wanted(lens: DivisionModel, fitted: dict[str, float]) -> float:
-    """Return the same of the picture of a straight edge in the place of a fit."""
+    """Return the same of the image of a line in the place of a fit."""
     model = tuple(fitted[name] for name in 'ABCD')
     gradient = np.array([fitted['B'], fitted['C']])
     point = np.array([fitted['x'], fitted['y']]) - circle.distance(model, 0, 0) * gradient
@@ -218,7 +222,7 @@ def noisy(points: np.ndarray, sigma: float, seed: int) -> np.ndarray:
 @given(lambdas, st.floats(20, 620), st.floats(20, 460), angles, st.floats(-20, 20),
        st.floats(-20, 20))
 def test_at_the_centre_of_a_lens(lam, x, y, angle, right, down):
-    # The picture of a straight edge through (x, y), given relative to a point beside it.
+    # The image of a line through (x, y), given relative to a point beside it.
     lens = DivisionModel(lam, SHAPE)
     normal, away = np.array([np.cos(angle), np.sin(angle)]), np.array([right, down])
     a = lens.curvature(np.array([x, y]), normal) / 2
@@ -234,11 +238,11 @@ def test_at_the_centre_of_a_lens(lam, x, y, angle, right, down):
 @pytest.mark.parametrize('centre', [None, (250.0, 300.0)])
 @pytest.mark.parametrize('lam', [-0.8, -0.3, 0.2])
 @pytest.mark.parametrize('seed', range(4))
-def test_what_is_short_is_bent_as_the_lens_says(lam, centre, seed):
+def test_a_short_arc_is_bent_as_the_lens_bends_it(lam, centre, seed):
     lens = DivisionModel(lam, SHAPE, centre)
     points = noisy(edge(lens, (420, 60), (455, 85)), 0.2, seed)
     usual = fit(points, significance=9.0)
-    fitted = fit(points, significance=9.0, lens=lens.in_pixels)
+    fitted = fit(points, significance=9.0, lens=lens)
     assert usual['A'] == 0 and abs(wanted(lens, fitted)) > 1e-4
     assert np.isclose(bend(fitted), wanted(lens, fitted), rtol=0.05)
     assert np.isclose(fitted['rss'], (off(fitted, points) ** 2).sum(), rtol=0.01)
@@ -252,7 +256,7 @@ def test_a_known_lens_makes_short_arcs_more_exact(lam):
     errors = []
     for curve in edges(lens, 200, seed=1, length=(30, 50)):
         points = curve + random.normal(0, 0.2, curve.shape)
-        for known in (NO_LENS, lens.in_pixels):
+        for known in (None, lens):
             fitted = fit(points, significance=2.3, lens=known)
             errors.append(abs(bend(fitted) - wanted(lens, fitted)))
     usual, better = np.median(np.reshape(errors, (-1, 2)), axis=0)
@@ -260,25 +264,25 @@ def test_a_known_lens_makes_short_arcs_more_exact(lam):
 
 
 @given(places, angles, st.floats(20, 60), sides, seeds, st.floats(-0.3, 0.2))
-def test_what_is_bent_otherwise_stays_as_it_is(place, angle, radius, side, seed, lam):
+def test_an_arc_bent_otherwise_stays_as_it_is(place, angle, radius, side, seed, lam):
     lens = DivisionModel(lam, SHAPE, tuple(np.array(place) + (100, 50)))
     points = noisy(arc(place, angle, side * radius, 50, 50), 0.1, seed)
-    assert fit(points, significance=3.0, lens=lens.in_pixels) == fit(points)
+    assert fit(points, significance=3.0, lens=lens) == fit(points)
 
 
 @given(places, angles, seeds)
 def test_without_distortion_a_straight_edge_is_straight(place, angle, seed):
     points = noisy(arc(place, angle, 1e12, 40, 40), 0.2, seed)
-    for lens in (NO_LENS, DivisionModel(0.0, SHAPE).in_pixels):
+    for lens in (None, DivisionModel(0.0, SHAPE)):
         fitted = fit(points, significance=9.0, lens=lens)
         assert fitted['A'] == 0
         assert np.abs(off(fitted, points)).max() < 1.5
 
 
-def test_too_sharp_is_the_picture_of_a_straight_edge():
+def test_above_the_maximum_curvature_is_the_image_of_a_line():
     lens = DivisionModel(-0.3, SHAPE)
     points = arc((500, 100), 0.5, 60, 40, 40)
-    fitted = fit(points, sharpest=0.9 / 60, lens=lens.in_pixels)
+    fitted = fit(points, maximum=0.9 / 60, lens=lens)
     assert np.isclose(bend(fitted), wanted(lens, fitted), rtol=0.05)
     assert 1e-4 < abs(bend(fitted)) < 0.9 / 60
 
@@ -286,7 +290,7 @@ def test_too_sharp_is_the_picture_of_a_straight_edge():
 def test_two_points_are_an_arc_through_a_lens():
     lens = DivisionModel(-0.5, SHAPE)
     whole = edge(lens, (450, 50), (500, 90))
-    fitted = fit(whole[[0, -1]], lens=lens.in_pixels)
+    fitted = fit(whole[[0, -1]], lens=lens)
     chord = fit(whole[[0, -1]])
     assert np.abs(off(chord, whole)).max() > 0.4
     assert np.abs(off(fitted, whole)).max() < 0.05

@@ -1,4 +1,4 @@
-"""Step 6: the set of all arcs, each with its row in the table and its pixels."""
+"""Step 6: the set of all arcs, each with its row in the table, its edge pixels and points."""
 from __future__ import annotations
 
 import math
@@ -11,45 +11,45 @@ from qflsd_ros.core.arcs import (
     BENT, COLUMNS, CONTRAST, CURVATURE, CURVATURE_STD, END, LENGTH, MIDDLE, OFFSET_STD, POLARITY,
     RMS, SCORE, START, SUPPORT)
 from qflsd_ros.core.compilation import compiled, inlined
+from qflsd_ros.core.detection import validation
 from qflsd_ros.core.detection.extension import extended, FARTHEST
-from qflsd_ros.core.detection.joining import Joined, MOST_TURN, Pieces
+from qflsd_ros.core.detection.frame import Frame, Limits
+from qflsd_ros.core.detection.joining import Joined, MAX_TURN, Pieces
 from qflsd_ros.core.detection.region import Region
-from qflsd_ros.core.detection.suppression import separate
-from qflsd_ros.core.detection.validation import (
-    ALIGNED, closeness, Evidence, LOOKS, score, SIGNS, STEPS, STRONG, WEIGHT, witness, WITNESSES)
+from qflsd_ros.core.detection.suppression import suppress
 
-SAMPLED = 0.5           # px at most between the points of an arc that are compared with a mask
+SAMPLED = 0.5           # px between the points of an arc that are compared with a mask, at most
 
 
 class Found(NamedTuple):
     """M arcs and the N edge points behind them."""
 
-    rows: np.ndarray        # (M, COLUMNS) float64, deviations as for points of 1 px
+    rows: np.ndarray        # (M, COLUMNS) float64; standard deviations as for points of 1 px
     points: np.ndarray      # (2, N) float64, px
     pixels: np.ndarray      # (N, 2) int32, x and y
     offsets: np.ndarray     # (M + 1,) int64
 
 
+class Candidates(NamedTuple):
+    """M joined arcs during assembly."""
+
+    fits: np.ndarray        # (M, FIT_SIZE) float64
+    members: np.ndarray     # (P, 2) int64: piece, and 1 if it is travelled from end to start
+    begins: np.ndarray      # (M + 1,) int64: where in members each arc begins
+    rows: np.ndarray        # (M, COLUMNS) float64
+    keep: np.ndarray        # (M,) bool
+    extended: np.ndarray    # (M,) bool: whether the ends have been extended
+
+
 @inlined
-def write_geometry(fits: np.ndarray, fit: int, x0: float, y0: float, x1: float, y1: float,
-                   rows: np.ndarray, arc: int) -> None:
-    """Write where an arc is, which begins and ends at two points of a fitted curve."""
-    cx, cy, mx, my = x1 - x0, y1 - y0, (x0 + x1) / 2, (y0 + y1) / 2
-    chord = math.sqrt(cx * cx + cy * cy)
-    gx = 2 * fits[fit, 2] * (mx - fits[fit, 0]) + fits[fit, 3]
-    gy = 2 * fits[fit, 2] * (my - fits[fit, 1]) + fits[fit, 4]
-    # The curve bends towards -A times its gradient; travel turns positively where that lies to
-    # the side of the normal (-cy, cx).
-    bend = 2 * abs(fits[fit, 2])
-    turn = 1.0 if fits[fit, 2] * (gy * cx - gx * cy) < 0 else -1.0
-    half = math.asin(min(1.0, bend * chord / 2))
-    sagitta = turn * chord / 2 * math.tan(half / 2)
-    rows[arc, START], rows[arc, START + 1] = x0, y0
-    rows[arc, MIDDLE] = mx + sagitta * cy / chord
-    rows[arc, MIDDLE + 1] = my - sagitta * cx / chord
-    rows[arc, END], rows[arc, END + 1] = x1, y1
-    rows[arc, CURVATURE] = turn * bend if bend > 0 else 0.0
-    rows[arc, LENGTH] = 2 * half / bend if half > 1e-9 else chord
+def write_geometry(fits: np.ndarray, fit: int, start: tuple[float, float],
+                   end: tuple[float, float], rows: np.ndarray, arc: int) -> None:
+    """Write the geometry of the arc between two points of a fit to a row of the table."""
+    x, y, curvature, length = circle.arc_between(fits, fit, start[0], start[1], end[0], end[1])
+    rows[arc, START], rows[arc, START + 1] = start
+    rows[arc, MIDDLE], rows[arc, MIDDLE + 1] = x, y
+    rows[arc, END], rows[arc, END + 1] = end
+    rows[arc, CURVATURE], rows[arc, LENGTH] = curvature, length
 
 
 @inlined
@@ -65,14 +65,15 @@ def _is_open(allowed: np.ndarray, x: float, y: float) -> bool:
 
 
 @compiled
-def _avoids(rows: np.ndarray, arc: int, allowed: np.ndarray) -> bool:
-    """Return whether no point of an arc is on a masked pixel: each is close to one looked at."""
+def _avoids_mask(rows: np.ndarray, arc: int, allowed: np.ndarray) -> bool:
+    """Return whether no point of an arc is on a masked pixel, by points SAMPLED apart."""
     x0, y0 = rows[arc, START], rows[arc, START + 1]
     cx, cy = rows[arc, END] - x0, rows[arc, END + 1] - y0
     half = rows[arc, CURVATURE] * rows[arc, LENGTH] / 2
     steps = int(math.ceil(rows[arc, LENGTH] / SAMPLED))
     for i in range(steps + 1):
-        # Up to there it turns by twice this part of its half turn: a chord, and half as much on.
+        # A point that is the angle 2 p of 2 h along an arc is the chord from the start, turned by
+        # p - h and scaled by sin(p) / sin(h).
         part = half * i / steps
         along = math.sin(part) / math.sin(half) if abs(half) > 1e-9 else i / steps
         c, s = along * math.cos(part - half), along * math.sin(part - half)
@@ -82,67 +83,67 @@ def _avoids(rows: np.ndarray, arc: int, allowed: np.ndarray) -> bool:
 
 
 @inlined
-def is_inside(rows: np.ndarray, arc: int, where: Region) -> bool:
+def is_inside(rows: np.ndarray, arc: int, region: Region) -> bool:
     """Return whether an arc lies in the image, within half a pixel, and on no masked pixel."""
-    height, width = where.allowed.shape
+    height, width = region.allowed.shape
     for place in (START, MIDDLE, END):
         x, y = rows[arc, place], rows[arc, place + 1]
         if not (-0.5 <= x <= width - 0.5 and -0.5 <= y <= height - 0.5):
             return False
-    return not where.masked or _avoids(rows, arc, where.allowed)
+    return not region.masked or _avoids_mask(rows, arc, region.allowed)
 
 
 @inlined
-def _extend(fits: np.ndarray, arc: int, evidence: Evidence, rows: np.ndarray) -> None:
-    """Let both ends of an arc go on as far as its edge does."""
-    if (rows[arc, LENGTH] + 2 * FARTHEST) * abs(rows[arc, CURVATURE]) > MOST_TURN:
+def _extend(fits: np.ndarray, arc: int, frame: Frame, rows: np.ndarray) -> None:
+    """Extend both ends of an arc, unless that leads out of the image or into a mask."""
+    if (rows[arc, LENGTH] + 2 * FARTHEST) * abs(rows[arc, CURVATURE]) > MAX_TURN:
         return
-    x0, y0 = rows[arc, START], rows[arc, START + 1]
-    x1, y1 = rows[arc, END], rows[arc, END + 1]
-    u0, v0 = extended(fits, arc, x0, y0, x1, y1, evidence)
-    u1, v1 = extended(fits, arc, x1, y1, x0, y0, evidence)
-    write_geometry(fits, arc, u0, v0, u1, v1, rows, arc)
-    if not is_inside(rows, arc, evidence.region):
-        write_geometry(fits, arc, x0, y0, x1, y1, rows, arc)
+    start = (rows[arc, START], rows[arc, START + 1])
+    end = (rows[arc, END], rows[arc, END + 1])
+    write_geometry(fits, arc, extended(fits, arc, frame, start, end),
+                   extended(fits, arc, frame, end, start), rows, arc)
+    if not is_inside(rows, arc, frame.region):
+        write_geometry(fits, arc, start, end, rows, arc)
 
 
 @inlined
-def _agree(piece_fits: np.ndarray, piece: int, fits: np.ndarray, arc: int) -> bool:
-    """Return whether P grows to the same side of a piece and of its arc."""
-    x, y = piece_fits[piece, 0] - fits[arc, 0], piece_fits[piece, 1] - fits[arc, 1]
-    nx, ny = 2 * fits[arc, 2] * x + fits[arc, 3], 2 * fits[arc, 2] * y + fits[arc, 4]
-    return piece_fits[piece, 3] * nx + piece_fits[piece, 4] * ny > 0
+def _same_side(piece_fits: np.ndarray, piece: int, fits: np.ndarray, arc: int) -> bool:
+    """Return whether P of a piece and P of its arc grow to the same side."""
+    nx, ny = circle.normal_at(fits, arc, piece_fits[piece, circle.X0],
+                              piece_fits[piece, circle.Y0])
+    return piece_fits[piece, circle.B] * nx + piece_fits[piece, circle.C] * ny > 0
 
 
 @inlined
-def _evidence(piece_fits: np.ndarray, found: np.ndarray, members: np.ndarray, begin: int, end: int,
-              fits: np.ndarray, arc: int, noise: float, tolerance: float,
-              rows: np.ndarray) -> None:
-    """Write score, contrast, and as polarity the share of points where P grows, less the rest."""
-    weight, aligned, steps, signs, looks, strong = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for k in range(begin, end):
-        piece = members[k, 0]
-        weight += found[piece, WEIGHT]
-        aligned += found[piece, ALIGNED]
-        steps += found[piece, STEPS]
-        looks += found[piece, LOOKS]
-        strong += found[piece, STRONG]
-        agree = _agree(piece_fits, piece, fits, arc)
-        signs += found[piece, SIGNS] if agree else -found[piece, SIGNS]
+def _score(found: Candidates, arc: int, piece_fits: np.ndarray, support: np.ndarray,
+           noise: float, tolerance: float) -> None:
+    """Write contrast and score, and as polarity the share of points where P grows, less others."""
+    weight, aligned, steps, signs, samples, strong = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    rows = found.rows
+    for k in range(found.begins[arc], found.begins[arc + 1]):
+        piece = found.members[k, 0]
+        weight += support[piece, validation.WEIGHT]
+        aligned += support[piece, validation.ALIGNED]
+        steps += support[piece, validation.STEPS]
+        samples += support[piece, validation.SAMPLES]
+        strong += support[piece, validation.STRONG]
+        same = _same_side(piece_fits, piece, found.fits, arc)
+        signs += support[piece, validation.SIGNS] if same else -support[piece, validation.SIGNS]
     rows[arc, CONTRAST] = steps / rows[arc, SUPPORT]
     rows[arc, POLARITY] = signs / rows[arc, SUPPORT]
-    rows[arc, SCORE] = (score(weight, aligned, strong / max(looks, 1.0), len(rows))
-                        + closeness(rows[arc, SUPPORT], rows[arc, RMS],
-                                    noise / rows[arc, CONTRAST], tolerance))
+    rows[arc, SCORE] = (validation.score(weight, aligned, strong / max(samples, 1.0), len(rows))
+                        + validation.closeness(rows[arc, SUPPORT], rows[arc, RMS],
+                                               noise / rows[arc, CONTRAST], tolerance))
 
 
 @compiled
-def _orient(fits: np.ndarray, arc: int, members: np.ndarray, begin: int, end: int,
-            rows: np.ndarray) -> None:
-    """Let travel be such that the brighter side lies to the right (along x: where y points)."""
+def _orient(found: Candidates, arc: int) -> None:
+    """Direct travel so that the brighter side is on the right (along x: where y points)."""
+    rows, fits, members = found.rows, found.fits, found.members
+    begin, end = found.begins[arc], found.begins[arc + 1]
     cx = rows[arc, END] - rows[arc, START]
     cy = rows[arc, END + 1] - rows[arc, START + 1]
-    if fits[arc, 4] * cx < fits[arc, 3] * cy:
+    if fits[arc, circle.C] * cx < fits[arc, circle.B] * cy:
         rows[arc, POLARITY] = -rows[arc, POLARITY]
     if rows[arc, POLARITY] >= 0:
         return
@@ -157,96 +158,111 @@ def _orient(fits: np.ndarray, arc: int, members: np.ndarray, begin: int, end: in
                 members[end - 1 - k, column], members[begin + k, column])
 
 
-@compiled
-def _describe(ends: np.ndarray, evidence: Evidence, members: np.ndarray, begins: np.ndarray,
-              fits: np.ndarray, min_length: float, rows: np.ndarray, keep: np.ndarray,
-              extended: np.ndarray, wanted: np.ndarray) -> None:
-    """
-    Fill in what follows from the fits, and mark the arcs that are long enough, and their pieces.
+@inlined
+def _describe(found: Candidates, arc: int, ends: np.ndarray) -> None:
+    """Write the row of an arc, as far as it follows from the fit."""
+    rows, fits, members = found.rows, found.fits, found.members
+    begin, end = found.begins[arc], found.begins[arc + 1]
+    first = 2 * members[begin, 0] + members[begin, 1]
+    last = 2 * members[end - 1, 0] + 1 - members[end - 1, 1]
+    x0, y0, _, _ = circle.foot(fits, arc, ends[first, 0], ends[first, 1])
+    x1, y1, _, _ = circle.foot(fits, arc, ends[last, 0], ends[last, 1])
+    write_geometry(fits, arc, (x0, y0), (x1, y1), rows, arc)
+    rows[arc, RMS] = math.sqrt(fits[arc, circle.RSS] / fits[arc, circle.COUNT])
+    # The count of the fit is a sum of quadrature weights: an integer up to rounding.
+    rows[arc, SUPPORT] = np.rint(fits[arc, circle.COUNT])
+    rows[arc, CURVATURE_STD] = 2 * math.sqrt(fits[arc, circle.LEVER_A])
+    rows[arc, OFFSET_STD] = math.sqrt(fits[arc, circle.LEVER_D])
+    rows[arc, BENT] = fits[arc, circle.BENT]
 
-    What is wide of its points, as a large tolerance allows, may lie outside the image, or on what
-    is masked: it is none.
+
+@compiled
+def _select(found: Candidates, ends: np.ndarray, frame: Frame, min_length: float,
+            wanted: np.ndarray) -> None:
     """
+    Write the rows of all arcs; keep those that are long enough, and mark their pieces.
+
+    An arc far from its points, as a large tolerance allows, may lie outside the image or on a
+    mask, and is not kept.  Only arcs below ``min_length`` are extended here: the others wait
+    until they are validated, which saves time.
+    """
+    rows, keep = found.rows, found.keep
     for arc in range(len(keep)):
-        begin, end = begins[arc], begins[arc + 1]
-        first = 2 * members[begin, 0] + members[begin, 1]
-        last = 2 * members[end - 1, 0] + 1 - members[end - 1, 1]
-        x0, y0, _, _ = circle.foot(fits, arc, ends[first, 0], ends[first, 1])
-        x1, y1, _, _ = circle.foot(fits, arc, ends[last, 0], ends[last, 1])
-        write_geometry(fits, arc, x0, y0, x1, y1, rows, arc)
-        rows[arc, RMS] = math.sqrt(fits[arc, 6] / fits[arc, 7])
-        # The fit's count is a sum of quadrature weights: whole up to rounding.
-        rows[arc, SUPPORT] = np.rint(fits[arc, 7])
-        rows[arc, CURVATURE_STD] = 2 * math.sqrt(fits[arc, 9])
-        rows[arc, OFFSET_STD] = math.sqrt(fits[arc, 10])
-        rows[arc, BENT] = fits[arc, 11]
-        keep[arc] = is_inside(rows, arc, evidence.region)
-        # What is long enough before it is extended may wait until it is known to be no accident.
-        extended[arc] = keep[arc] and rows[arc, LENGTH] < min_length
-        if extended[arc]:
-            _extend(fits, arc, evidence, rows)
+        _describe(found, arc, ends)
+        keep[arc] = is_inside(rows, arc, frame.region)
+        found.extended[arc] = keep[arc] and rows[arc, LENGTH] < min_length
+        if found.extended[arc]:
+            _extend(found.fits, arc, frame, rows)
             keep[arc] = rows[arc, LENGTH] >= min_length
-        for k in range(begin, end):
-            wanted[members[k, 0]] = keep[arc]
+        for k in range(found.begins[arc], found.begins[arc + 1]):
+            wanted[found.members[k, 0]] = keep[arc]
 
 
 @compiled
-def _judge(piece_fits: np.ndarray, evidence: Evidence, found: np.ndarray, members: np.ndarray,
-           begins: np.ndarray, fits: np.ndarray, tolerance: float, min_score: float,
-           extended: np.ndarray, rows: np.ndarray, keep: np.ndarray) -> None:
-    """Fill in what speaks for the arcs to keep, and keep those that are no accident."""
+def _validate(found: Candidates, piece_fits: np.ndarray, support: np.ndarray, frame: Frame,
+              limits: Limits) -> None:
+    """Keep the arcs with a sufficient score, extend their ends and direct them."""
+    rows, keep = found.rows, found.keep
     for arc in range(len(keep)):
-        begin, end = begins[arc], begins[arc + 1]
         if keep[arc]:
-            _evidence(piece_fits, found, members, begin, end, fits, arc, evidence.noise,
-                      tolerance, rows)
-            keep[arc] = rows[arc, SCORE] >= min_score
+            _score(found, arc, piece_fits, support, frame.noise, limits.tolerance)
+            keep[arc] = rows[arc, SCORE] >= limits.min_score
         if keep[arc]:
-            if not extended[arc]:
-                _extend(fits, arc, evidence, rows)
-            _orient(fits, arc, members, begin, end, rows)
+            if not found.extended[arc]:
+                _extend(found.fits, arc, frame, rows)
+            _orient(found, arc)
 
 
 @compiled
-def _gather(runs: np.ndarray, members: np.ndarray, begins: np.ndarray, keep: np.ndarray,
-            pixels: np.ndarray, width: int, points: np.ndarray, offsets: np.ndarray,
-            arc_pixels: np.ndarray, arc_points: np.ndarray) -> None:
-    """Copy pixels and points of the arcs to keep, in order of travel."""
+def _gather(found: Candidates, runs: np.ndarray, points: np.ndarray, pixels: np.ndarray,
+            width: int, kept: Found) -> None:
+    """Copy edge pixels and points of the arcs to keep, in order of travel."""
     n = arcs = 0
-    for arc in range(len(keep)):
-        if not keep[arc]:
+    for arc in range(len(found.keep)):
+        if not found.keep[arc]:
             continue
-        for k in range(begins[arc], begins[arc + 1]):
-            first, last, step = runs[members[k, 0], 0], runs[members[k, 0], 1], 1
-            if members[k, 1] == 1:
+        for k in range(found.begins[arc], found.begins[arc + 1]):
+            first, last, step = runs[found.members[k, 0], 0], runs[found.members[k, 0], 1], 1
+            if found.members[k, 1] == 1:
                 first, last, step = last, first, -1
             for i in range(first, last + step, step):
                 y = pixels[i] // width
-                arc_pixels[n, 0], arc_pixels[n, 1] = pixels[i] - y * width, y
-                arc_points[0, n], arc_points[1, n] = points[0, i], points[1, i]
+                kept.pixels[n, 0], kept.pixels[n, 1] = pixels[i] - y * width, y
+                kept.points[0, n], kept.points[1, n] = points[0, i], points[1, i]
                 n += 1
         arcs += 1
-        offsets[arcs] = n
+        kept.offsets[arcs] = n
 
 
-def assemble(pieces: Pieces, joined: Joined, evidence: Evidence, pixels: np.ndarray,
-             tolerance: float, min_length: float, min_score: float,
-             min_distance: float) -> Found:
-    """Find the arcs that are long enough, no accident, and not beside a longer one."""
-    most = len(joined.fits)
-    rows, (keep, extended) = np.zeros((most, COLUMNS)), np.empty((2, most), np.bool_)
-    wanted, found = np.zeros(len(pieces.runs), np.bool_), np.empty((len(pieces.runs), WITNESSES))
-    _describe(pieces.ends, evidence, *joined, min_length, rows, keep, extended,
-              wanted)
-    witness(evidence, pieces.runs, pieces.fits, wanted, found)
-    _judge(pieces.fits, evidence, found, *joined, tolerance, min_score, extended, rows, keep)
-    shape = evidence.dx.shape
+def candidates(pieces: Pieces, joined: Joined) -> Candidates:
+    """Return the joined arcs, with memory for their rows."""
+    count = len(joined.fits)
+    return Candidates(joined.fits, joined.members, joined.offsets, np.zeros((count, COLUMNS)),
+                      np.empty(count, np.bool_), np.empty(count, np.bool_))
+
+
+def validate(found: Candidates, pieces: Pieces, points: np.ndarray, frame: Frame,
+             limits: Limits, min_length: float) -> None:
+    """Keep the arcs that are long enough and supported by the image, and extend their ends."""
+    wanted = np.zeros(len(pieces.runs), np.bool_)
+    support = np.empty((len(pieces.runs), validation.SUPPORT_SIZE))
+    _select(found, pieces.ends, frame, min_length, wanted)
+    validation.gradient_support(frame, points, pieces.runs, pieces.fits, wanted, support)
+    _validate(found, pieces.fits, support, frame, limits)
+
+
+def separate(found: Candidates, shape: tuple[int, int], min_distance: float) -> None:
+    """Suppress arcs beside longer ones; with a ``min_distance`` of 0 all are kept."""
     if min_distance > 0:
-        separate(rows, joined.fits, shape[0], shape[1], min_distance, keep)
-    kept = rows[keep]
-    count = int(kept[:, SUPPORT].sum())
-    offsets = np.zeros(len(kept) + 1, np.int64)
-    arc_pixels, arc_points = np.empty((count, 2), np.int32), np.empty((2, count))
-    _gather(pieces.runs, joined.members, joined.offsets, keep, pixels, shape[1], evidence.points,
-            offsets, arc_pixels, arc_points)
-    return Found(kept, arc_points, arc_pixels, offsets)
+        suppress(found.rows, found.fits, shape, min_distance, found.keep)
+
+
+def gather(found: Candidates, runs: np.ndarray, points: np.ndarray, pixels: np.ndarray,
+           width: int) -> Found:
+    """Return the kept arcs with their edge pixels and points."""
+    rows = found.rows[found.keep]
+    count = int(rows[:, SUPPORT].sum())
+    kept = Found(rows, np.empty((2, count)), np.empty((count, 2), np.int32),
+                 np.zeros(len(rows) + 1, np.int64))
+    _gather(found, runs, points, pixels, width, kept)
+    return kept

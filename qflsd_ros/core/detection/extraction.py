@@ -1,16 +1,16 @@
 """
 Steps 2 to 5: arcs out of chains, by hypothesis and verification.
 
-A hypothesis is the circle through three points of a window of a chain: its ends and its middle.
-With a known lens it is the picture of the straight edge through its ends alone.  It is verified
-outward from the middle and dropped at the first misfit.  The longest run is refitted by least
-squares, as a circle of any curvature, and grown again, then taken out, and the pieces left are
-searched on.
+A hypothesis is the circle through three points of a window of a chain: its first, middle and last
+point.  With a known lens it is the image of the line through the first and last point.  It is
+verified from the middle outward, up to the first point that is farther off than the tolerance.
+The longest run is fitted by least squares, extended, and removed from the chain; the remainders
+are searched in the same way.
 
-Windows have spans n, n / 2, n / 4, ... and begin every half span, so that each run of a chain that
-is at least 1.5 spans long contains a whole window: at that span the probability P^K of equation
-(12), that no hypothesis lies wholly within it, is 0, where the paper's random triples ask for
-0.01.  Nothing is left to chance, and K is at most 4 n / span.
+Windows have spans n, n / 2, n / 4, ... and begin every half span, so that each run of a chain of
+1.5 spans or more contains a whole window.  At that span, the probability P^K of equation (12),
+that no hypothesis lies within the run, is 0; the random triples of the paper make it 0.01.  The
+search is deterministic, and K is at most 4 n / span.
 """
 from __future__ import annotations
 
@@ -19,75 +19,80 @@ import math
 import numpy as np
 
 from qflsd_ros.core import circle
-from qflsd_ros.core.circle import Lens, NO_LENS
+from qflsd_ros.core.circle import Circle
 from qflsd_ros.core.compilation import compiled, inlined
+from qflsd_ros.core.detection.frame import Limits
 
-# Points times curvature of an arc at most: points are up to 1.41 px apart, and the picture of a
-# straight edge never turns by more than half a turn (3.14).
-MOST_TURN = 2.2
-# Points for each px of an arc's chord at most; more are there where a chain turns back on itself.
-CROWDED = 2.0
-SECTION = 4096      # points of a chain that are searched at a time: its square bounds the time
+# Radians by which an arc may turn, taking a point for each px: points are up to 1.41 px apart,
+# and the image of a line turns by less than pi.
+MAX_TURN = 2.2
+CROWDED = 2.0           # points per px of chord, at most; a chain that turns back has more
+SECTION = 4096          # points that are searched together, which bounds the time (its square)
 
-
-@inlined
-def _fits(model: circle.Circle, ox: float, oy: float, points: np.ndarray, i: int,
-          tolerance: float) -> bool:
-    return abs(circle.value(model, points[0, i] - ox, points[1, i] - oy)) <= tolerance
+Model = tuple[Circle, float, float]     # a circle, and its origin in the image
+Span = tuple[int, int]                  # first and last point, both included
+NO_RUN = 0, -1                          # the span without a point
 
 
 @inlined
-def _run(model: circle.Circle, ox: float, oy: float, points: np.ndarray,
-         first: int, last: int, middle: int, tolerance: float) -> tuple[int, int]:
-    """Return the longest run around ``middle``, within first to last, that fits the model."""
+def _fits(model: Model, points: np.ndarray, i: int, tolerance: float) -> bool:
+    curve, ox, oy = model
+    return abs(circle.value(curve, points[0, i] - ox, points[1, i] - oy)) <= tolerance
+
+
+@inlined
+def _run(model: Model, points: np.ndarray, bounds: Span, middle: int, tolerance: float) -> Span:
+    """Return the longest run around a point, within bounds, that fits the model."""
     lo = hi = middle
-    while hi < last and _fits(model, ox, oy, points, hi + 1, tolerance):
+    while hi < bounds[1] and _fits(model, points, hi + 1, tolerance):
         hi += 1
-    while lo > first and _fits(model, ox, oy, points, lo - 1, tolerance):
+    while lo > bounds[0] and _fits(model, points, lo - 1, tolerance):
         lo -= 1
     return lo, hi
 
 
 @inlined
-def _model(points: np.ndarray, begin: int, middle: int, end: int, sharpest: float, lens: Lens,
-           known: bool) -> tuple[circle.Circle, float, float, float]:
-    """Return the circle through a window, its gradient's squared length, and its origin."""
-    if known:
-        lam, x, y = lens
-        raw, square = circle.pictured(points[0, begin] - x, points[1, begin] - y,
-                                      points[0, end] - x, points[1, end] - y, lam)
-        return raw, square, x, y
+def _model(points: np.ndarray, window: Span, limits: Limits) -> tuple[Model, float]:
+    """Return the circle through a window, and its gradient's squared length."""
+    begin, end = window
+    middle = (begin + end) // 2
+    if circle.is_known(limits.bend.lens):
+        lens = limits.bend.lens
+        raw, square = circle.image_of_line(points[0, begin] - lens.x, points[1, begin] - lens.y,
+                                           points[0, end] - lens.x, points[1, end] - lens.y,
+                                           lens.lam)
+        return (raw, lens.x, lens.y), square
     raw, square = circle.through(points[0, begin], points[1, begin], points[0, middle],
-                                 points[1, middle], points[0, end], points[1, end], sharpest)
-    return raw, square, points[0, middle], points[1, middle]
+                                 points[1, middle], points[0, end], points[1, end],
+                                 limits.bend.maximum)
+    return (raw, float(points[0, middle]), float(points[1, middle])), square
 
 
 @inlined
-def _hypothesis(points: np.ndarray, first: int, last: int, begin: int, end: int, tolerance: float,
-                sharpest: float, lens: Lens, known: bool) -> tuple[int, int]:
-    """Return the run within first to last that fits the circle through a window, or (0, -1)."""
+def _hypothesis(points: np.ndarray, bounds: Span, window: Span, limits: Limits) -> Span:
+    """Return the run within bounds that fits the circle through a window, or NO_RUN."""
+    begin, end = window
     middle = (begin + end) // 2
-    raw, square, ox, oy = _model(points, begin, middle, end, sharpest, lens, known)
-    most = tolerance * tolerance * square
+    (raw, ox, oy), square = _model(points, window, limits)
     farthest = 0.0
     for i in (middle, (begin + middle) // 2, (middle + end) // 2):
         off = circle.value(raw, points[0, i] - ox, points[1, i] - oy)
         farthest = max(farthest, off * off)
-    if not farthest < most:
-        return 0, -1
-    return _run(circle.normalised(raw, square), ox, oy, points, first, last, middle, tolerance)
+    if not farthest < limits.tolerance * limits.tolerance * square:
+        return NO_RUN
+    model = (circle.normalised(raw, square), ox, oy)
+    return _run(model, points, bounds, middle, limits.tolerance)
 
 
 @inlined
-def _longest(points: np.ndarray, first: int, last: int, span: int, tolerance: float,
-             sharpest: float, lens: Lens, known: bool) -> tuple[int, int]:
-    """Return the longest run that a window of ``span`` points finds within first to last."""
-    best_lo, best_hi = 0, -1
+def _longest(points: np.ndarray, bounds: Span, span: int, limits: Limits) -> Span:
+    """Return the longest run that a window of ``span`` points finds within bounds."""
+    first, last = bounds
+    best_lo, best_hi = NO_RUN
     begin = first
     while True:
         begin = min(begin, last - span + 1)
-        lo, hi = _hypothesis(points, first, last, begin, begin + span - 1, tolerance, sharpest,
-                             lens, known)
+        lo, hi = _hypothesis(points, bounds, (begin, begin + span - 1), limits)
         if hi - lo > best_hi - best_lo:
             best_lo, best_hi = lo, hi
         if begin == last - span + 1:
@@ -96,59 +101,54 @@ def _longest(points: np.ndarray, first: int, last: int, span: int, tolerance: fl
 
 
 @compiled
-def _refit(points: np.ndarray, first: int, last: int, lo: int, hi: int,
-           tolerance: float, significance: float, sharpest: float,
-           fits: np.ndarray, row: int) -> tuple[int, int]:
-    """Fit a run, grow it and fit again; return the run that was fitted last, or (0, -1)."""
-    if not circle.fit(points, lo, hi, 0.0, significance, sharpest, NO_LENS, fits, row):
-        return 0, -1
-    model = (fits[row, 2], fits[row, 3], fits[row, 4], fits[row, 5])
-    new_lo, new_hi = _run(model, fits[row, 0], fits[row, 1], points, first, last, (lo + hi) // 2,
-                          tolerance)
-    if new_lo != lo or new_hi != hi:
-        lo, hi = new_lo, new_hi
-        if not circle.fit(points, lo, hi, 0.0, significance, sharpest, NO_LENS, fits, row):
-            return 0, -1
-    bend = 2 * abs(fits[row, 2])
-    if bend * (hi - lo) > MOST_TURN:
-        hi = lo + int(MOST_TURN / bend)
-        if not circle.fit(points, lo, hi, 0.0, significance, sharpest, NO_LENS, fits, row):
-            return 0, -1
-    advance = math.hypot(points[0, hi] - points[0, lo], points[1, hi] - points[1, lo])
-    # What is bent more than it may be has been fitted by a line, and lies off it.
-    off = fits[row, 6] > tolerance * tolerance * fits[row, 7]
-    if hi - lo < 2 or hi - lo > CROWDED * advance or off:
-        return 0, -1
+def _refit(points: np.ndarray, bounds: Span, run: Span, limits: Limits, fits: np.ndarray,
+           row: int) -> Span:
+    """Fit a run, extend it and fit again; return the run of the last fit, or NO_RUN."""
+    lo, hi = run
+    if not circle.fit(points, run, 0.0, limits.free_bend, fits, row):
+        return NO_RUN
+    model = (circle.curve(fits, row), fits[row, circle.X0], fits[row, circle.Y0])
+    lo, hi = _run(model, points, bounds, (lo + hi) // 2, limits.tolerance)
+    if (lo, hi) != run and not circle.fit(points, (lo, hi), 0.0, limits.free_bend, fits, row):
+        return NO_RUN
+    bend = 2 * abs(fits[row, circle.A])
+    if bend * (hi - lo) > MAX_TURN:
+        hi = lo + int(MAX_TURN / bend)
+        if not circle.fit(points, (lo, hi), 0.0, limits.free_bend, fits, row):
+            return NO_RUN
+    chord = math.hypot(points[0, hi] - points[0, lo], points[1, hi] - points[1, lo])
+    # A run above the maximum curvature was fitted by a line, and is far from it.
+    off = fits[row, circle.RSS] > limits.tolerance * limits.tolerance * fits[row, circle.COUNT]
+    if hi - lo < 2 or hi - lo > CROWDED * chord or off:
+        return NO_RUN
     return lo, hi
 
 
 @inlined
-def _arc(points: np.ndarray, first: int, last: int, span: int, shortest: int, tolerance: float,
-         significance: float, sharpest: float, lens: Lens, known: bool, fits: np.ndarray,
-         row: int) -> tuple[int, int, int]:
+def _arc(points: np.ndarray, bounds: Span, span: int, limits: Limits, fits: np.ndarray,
+         row: int) -> tuple[Span, int]:
     """
-    Return the longest run within first to last that is an arc, and the span that found it.
+    Return the longest run within bounds that is an arc, or NO_RUN, and the span that found it.
 
-    Spans are halved from the given one on; without an arc, the run is (0, -1).
+    Spans are halved, beginning with the given one.
     """
-    span = min(span, last - first + 1)
+    shortest = limits.min_points
+    span = min(span, bounds[1] - bounds[0] + 1)
     while span >= shortest:
-        lo, hi = _longest(points, first, last, span, tolerance, sharpest, lens, known)
+        lo, hi = _longest(points, bounds, span, limits)
         if hi - lo + 1 >= span:
-            lo, hi = _refit(points, first, last, lo, hi, tolerance, significance, sharpest, fits,
-                            row)
+            lo, hi = _refit(points, bounds, (lo, hi), limits, fits, row)
             if hi - lo + 1 >= shortest:
-                return lo, hi, span
+                return (lo, hi), span
         if span == shortest:
             break
         span = max(span // 2, shortest)
-    return 0, -1, span
+    return NO_RUN, span
 
 
 @compiled
-def extract(points: np.ndarray, offsets: np.ndarray, chains: int, shortest: int,
-            tolerance: float, significance: float, sharpest: float, lens: Lens, known: bool,
-            todo: np.ndarray, runs: np.ndarray, fits: np.ndarray) -> int:
+def extract(points: np.ndarray, offsets: np.ndarray, limits: Limits, todo: np.ndarray,
+            runs: np.ndarray, fits: np.ndarray) -> int:
     """
     Find the arcs of all chains.
 
@@ -156,24 +156,16 @@ def extract(points: np.ndarray, offsets: np.ndarray, chains: int, shortest: int,
     ----------
     points
         (2, E) float32, x and y of the points of all chains, px.
-    offsets, chains
-        (chains + 1,) where each chain begins, and their number.
-    shortest
-        Arcs of fewer points are not looked for.
-    tolerance
-        Largest distance of a point from its arc, px.
-    significance
-        Curvature counts from this multiple of its standard deviation on.
-    sharpest
-        Largest curvature of an arc, 1/px.
-    lens, known
-        How the image is distorted, and whether that is known.
+    offsets
+        (chains + 1,) int64: the first point of each chain, and the number of points.
+    limits
+        Of the frame.
     todo
-        (R, 3) int64, scratch; R >= E / shortest + 1.
+        (R, 3) int64, working memory; R >= E / limits.min_points + 1.
     runs
-        (R, 2) int64, takes the first and last point of every arc.
+        (R, 2) int64, receives the first and last point of every arc.
     fits
-        (R, FIT_SIZE) float64, takes the fits.
+        (R, FIT_SIZE) float64, receives the fits.
 
     Returns
     -------
@@ -181,7 +173,7 @@ def extract(points: np.ndarray, offsets: np.ndarray, chains: int, shortest: int,
 
     """
     found = 0
-    for chain in range(chains):
+    for chain in range(len(offsets) - 1):
         waiting = 0
         for first in range(offsets[chain], offsets[chain + 1], SECTION):
             last = min(first + SECTION, offsets[chain + 1]) - 1
@@ -190,14 +182,13 @@ def extract(points: np.ndarray, offsets: np.ndarray, chains: int, shortest: int,
         while waiting > 0:
             waiting -= 1
             first, last = todo[waiting, 0], todo[waiting, 1]
-            lo, hi, span = _arc(points, first, last, todo[waiting, 2], shortest, tolerance,
-                                significance, sharpest, lens, known, fits, found)
+            (lo, hi), span = _arc(points, (first, last), todo[waiting, 2], limits, fits, found)
             if hi < lo:
                 continue
             runs[found, 0], runs[found, 1] = lo, hi
             found += 1
             for a, b in ((first, lo - 1), (hi + 1, last)):
-                if b - a + 1 >= shortest:
+                if b - a + 1 >= limits.min_points:
                     todo[waiting, 0], todo[waiting, 1], todo[waiting, 2] = a, b, span
                     waiting += 1
     return found

@@ -17,16 +17,15 @@ from typing import NamedTuple
 import numpy as np
 
 from qflsd_ros.core import circle
-from qflsd_ros.core.circle import FIT_SIZE, Lens
+from qflsd_ros.core.circle import FIT_SIZE
 from qflsd_ros.core.compilation import compiled, inlined
 from qflsd_ros.core.detection.edges import SOBEL_GAIN
+from qflsd_ros.core.detection.frame import Frame, Limits
 from qflsd_ros.core.detection.grid import cell, gap_to, Grid, OVERLAP, sort_ends
 from qflsd_ros.core.detection.order import longest_first
-from qflsd_ros.core.detection.region import Region
-from qflsd_ros.core.lens.division import DivisionModel
 
 NODES = 3
-COUNT, RSS, SIZE = 0, 1, 2      # columns of Pieces.sums, and of the same of an arc
+COUNT, RSS, SIZE = range(3)     # columns of Pieces.sums, and of the same of an arc
 NODE_AT = np.array([-math.sqrt(0.6), 0.0, math.sqrt(0.6)])
 NODE_WEIGHT = np.array([5.0, 8.0, 5.0]) / 18.0
 GAP_SHARE = 0.7         # longest gap, of the sum of both lengths
@@ -34,7 +33,7 @@ GAP_SHARE = 0.7         # longest gap, of the sum of both lengths
 # each px of the longer one, since edges and lenses are not perfect; standard deviations of its
 # mean, which noise accounts for.
 MISFIT, MISFIT_SHARE, MISFIT_BY_NOISE = 0.25, 0.004, 5.0
-MOST_TURN = 3.0         # radians; the picture of a straight edge never turns by more than 3.14
+MAX_TURN = 3.0         # radians; the picture of a straight edge never turns by more than 3.14
 LEEWAY = 1.8            # tolerances by which a node may lie off the joined arc
 MISFIT_COST = 8.0       # px of gap that weigh as much as 1 px of misfit
 ALIGNED = math.cos(math.radians(22.5))      # of the angle between gradient and normal in a gap
@@ -43,7 +42,6 @@ FREE = 8.0              # px, longest gap that needs no evidence
 FREE_SHARE = 0.2        # the same as a share of the shorter piece
 EVIDENCE_SLOPE = 0.3    # evidence needed for each length of the shorter piece beyond that
 EVIDENCE = 0.55         # evidence that suffices for any gap
-KNOWN_ERROR = 0.02      # of a known lambda, and by which real lenses leave the division model
 BOW = 0.25              # px, sagitta by which real edges are bent
 BENT = 3.0              # standard deviations from which on an arc is no picture of a straight edge
 EASE = 0.75             # share of the evidence that is needed for the picture of a straight edge
@@ -74,17 +72,6 @@ class Making(NamedTuple):
     nodes: np.ndarray       # (3, N) float64, x, y and weight of its pieces' nodes, in order
     total: np.ndarray       # (3,) float64, the sums of its pieces, and the gaps in its length
     fits: np.ndarray        # (N + 1, FIT_SIZE) float64
-
-
-class Limits(NamedTuple):
-    """What is set; see :func:`join`."""
-
-    max_gap: float
-    tolerance: float
-    significance: float
-    sharpest: float
-    lens: Lens
-    lens_error: float       # standard deviation of its lambda, 1/px^2; inf where none is known
 
 
 class Memory:
@@ -122,9 +109,9 @@ def _shapes(points: np.ndarray, runs: np.ndarray, fits: np.ndarray, ends: np.nda
             share = 0.5 + 0.5 * NODE_AT[k]
             x, y, _, _ = circle.foot(fits, i, ends[a, 0] + share * cx, ends[a, 1] + share * cy)
             nodes[i, k, 0], nodes[i, k, 1] = x, y
-        sums[i, COUNT], sums[i, RSS] = fits[i, 7], fits[i, 6]
-        half = math.asin(min(1.0, abs(fits[i, 2]) * math.sqrt(cx * cx + cy * cy)))
-        sums[i, SIZE] = half / abs(fits[i, 2]) if half > 1e-9 else math.sqrt(cx * cx + cy * cy)
+        sums[i, COUNT], sums[i, RSS] = fits[i, circle.COUNT], fits[i, circle.RSS]
+        _, _, _, sums[i, SIZE] = circle.arc_between(fits, i, ends[a, 0], ends[a, 1], ends[b, 0],
+                                                    ends[b, 1])
 
 
 def describe(points: np.ndarray, runs: np.ndarray, fits: np.ndarray, memory: Memory) -> Pieces:
@@ -149,8 +136,7 @@ def _append(pieces: Pieces, piece: int, side: int, arc: Making, n: int) -> int:
 @inlined
 def _fit(arc: Making, n: int, residual: float, row: int, limits: Limits) -> bool:
     """Fit the first n nodes of an arc; see :func:`circle.fit`."""
-    return circle.fit(arc.nodes, 0, n - 1, residual, limits.significance, limits.sharpest,
-                      limits.lens, arc.fits, row)
+    return circle.fit(arc.nodes, (0, n - 1), residual, limits.bend, arc.fits, row)
 
 
 @inlined
@@ -158,15 +144,14 @@ def _farthest(arc: Making, which: int, first: int, last: int) -> float:
     """Return the largest distance of nodes first to last - 1 from a fit, px."""
     farthest, fits = 0.0, arc.fits
     for k in range(first, last):
-        farthest = max(farthest, abs(circle.value(
-            (fits[which, 2], fits[which, 3], fits[which, 4], fits[which, 5]),
-            arc.nodes[0, k] - fits[which, 0], arc.nodes[1, k] - fits[which, 1])))
+        farthest = max(farthest, abs(circle.value_at(fits, which, arc.nodes[0, k],
+                                                     arc.nodes[1, k])))
     return farthest
 
 
 @compiled
 def _evidence(fits: np.ndarray, which: int, x0: float, y0: float, x1: float, y1: float,
-              dx: np.ndarray, dy: np.ndarray, where: Region) -> float:
+              frame: Frame) -> float:
     """
     Return how far the gradients in the gap between two ends speak for an edge there, 0 to 1.
 
@@ -181,11 +166,11 @@ def _evidence(fits: np.ndarray, which: int, x0: float, y0: float, x1: float, y1:
     for i in range(1, steps):
         x, y = x0 + i * step_x - ox, y0 + i * step_y - oy
         nx, ny, off = 2 * a * x + b, 2 * a * y + c, circle.value((a, b, c, d), x, y)
-        row = min(max(int(oy + y - off * ny + 0.5), 0), dx.shape[0] - 1)
-        column = min(max(int(ox + x - off * nx + 0.5), 0), dx.shape[1] - 1)
-        if where.masked and not where.seen[row, column]:
+        row = min(max(int(oy + y - off * ny + 0.5), 0), frame.dx.shape[0] - 1)
+        column = min(max(int(ox + x - off * nx + 0.5), 0), frame.dx.shape[1] - 1)
+        if frame.region.masked and not frame.region.seen[row, column]:
             return -1.0
-        gx, gy = float(dx[row, column]), float(dy[row, column])
+        gx, gy = float(frame.dx[row, column]), float(frame.dy[row, column])
         across, square = gx * nx + gy * ny, gx * gx + gy * gy
         aligned = across * across > ALIGNED ** 2 * square
         votes += (aligned & (square > (SOBEL_GAIN * FAINTEST) ** 2)) * (1 if across > 0 else -1)
@@ -195,20 +180,20 @@ def _evidence(fits: np.ndarray, which: int, x0: float, y0: float, x1: float, y1:
 @inlined
 def _is_straight(fits: np.ndarray, i: int, length: float, limits: Limits) -> bool:
     """Tell whether a fit of such a length, px, may be the picture of a straight edge."""
-    lam, x, y = limits.lens
-    dx, dy = x - fits[i, 0], y - fits[i, 1]
-    part = circle.at_centre(lam, dx, dy, fits[i, 3], fits[i, 4], fits[i, 5])
-    by_lens = limits.lens_error * part / (1 - lam * (dx * dx + dy * dy))
+    lam, x, y, std = limits.bend.lens
+    dx, dy = x - fits[i, circle.X0], y - fits[i, circle.Y0]
+    part = circle.at_centre(lam, dx, dy, fits[i, circle.B], fits[i, circle.C], fits[i, circle.D])
+    by_lens = std * part / (1 - lam * (dx * dx + dy * dy))
     by_bow = 4 * BOW / (length * length)
-    variance = fits[i, 8] + by_lens * by_lens + by_bow * by_bow
-    return (fits[i, 2] - lam * part) ** 2 < BENT * BENT * variance
+    variance = fits[i, circle.VAR_A] + by_lens * by_lens + by_bow * by_bow
+    return (fits[i, circle.A] - lam * part) ** 2 < BENT * BENT * variance
 
 
 @inlined
 def _bends(pieces: Pieces, other: int, gap: float, arc: Making, now: int, limits: Limits) -> bool:
     """Tell whether a piece and an arc, each of a straight edge, are not of one and the same."""
     size, whole = pieces.sums[other, SIZE], arc.total[SIZE] + gap + pieces.sums[other, SIZE]
-    return (limits.lens_error < np.inf and not _is_straight(arc.fits, now + 1, whole, limits)
+    return (circle.is_known(limits.bend.lens) and not _is_straight(arc.fits, now + 1, whole, limits)
             and _is_straight(arc.fits, now, arc.total[SIZE], limits)
             and _is_straight(pieces.fits, other, size, limits))
 
@@ -222,7 +207,7 @@ def _misfit(pieces: Pieces, other: int, residual: float, arc: Making,
     ``residual`` is the sum of squares that arc and piece have by themselves.
     """
     fewer = min(arc.total[COUNT], pieces.sums[other, COUNT])
-    more = max(0.0, arc.fits[now + 1, 6] - residual)
+    more = max(0.0, arc.fits[now + 1, circle.RSS] - residual)
     imperfect = MISFIT + MISFIT_SHARE * arc.total[SIZE]
     variance = residual / (arc.total[COUNT] + pieces.sums[other, COUNT]) / fewer
     return (math.sqrt(more / fewer),
@@ -243,9 +228,9 @@ def _cost(pieces: Pieces, other: int, side: int, gap: float, arc: Making, n: int
     residual = arc.total[RSS] + pieces.sums[other, RSS]
     if not _fit(arc, k, residual, now + 1, limits):
         return np.inf
-    if 2 * abs(arc.fits[now + 1, 2]) * (arc.total[SIZE] + gap + size) > MOST_TURN:
+    if 2 * abs(arc.fits[now + 1, circle.A]) * (arc.total[SIZE] + gap + size) > MAX_TURN:
         return np.inf
-    if arc.fits[now + 1, 6] > limits.tolerance ** 2 * arc.fits[now + 1, 7]:
+    if arc.fits[now + 1, circle.RSS] > limits.tolerance ** 2 * arc.fits[now + 1, circle.COUNT]:
         return np.inf
     misfit, most = _misfit(pieces, other, residual, arc, now)
     if misfit > most or _farthest(arc, now + 1, 0, k) > off:
@@ -264,7 +249,7 @@ def _needed(pieces: Pieces, other: int, gap: float, arc: Making, now: int,
     size = pieces.sums[other, SIZE]
     shorter = min(size, arc.total[SIZE])
     needed = max(0.0, min(EVIDENCE, EVIDENCE_SLOPE * (gap / shorter - FREE_SHARE)))
-    if limits.lens_error < np.inf and _is_straight(arc.fits, now + 1,
+    if circle.is_known(limits.bend.lens) and _is_straight(arc.fits, now + 1,
                                                    arc.total[SIZE] + gap + size, limits):
         return EASE * needed
     return needed
@@ -272,8 +257,7 @@ def _needed(pieces: Pieces, other: int, gap: float, arc: Making, now: int,
 
 @inlined
 def _partner(pieces: Pieces, grid: Grid, taken: np.ndarray, arc: Making, n: int, now: int,
-             tip: tuple[float, float, float, float], limits: Limits, dx: np.ndarray,
-             dy: np.ndarray, where: Region) -> tuple[int, float]:
+             tip: tuple[float, float, float, float], limits: Limits, frame: Frame) -> tuple[int, float]:
     """Return the end (2 piece + side, or -1) that continues an arc best, and the gap to it."""
     size = arc.total[SIZE]
     reach = min(limits.max_gap, 2 * GAP_SHARE * size)
@@ -295,7 +279,7 @@ def _partner(pieces: Pieces, grid: Grid, taken: np.ndarray, arc: Making, n: int,
             if cost >= best_cost:
                 continue
             found = _evidence(arc.fits, now + 1, x, y, grid.places[k, 0], grid.places[k, 1],
-                              dx, dy, where)
+                              frame)
             if found >= _needed(pieces, other, gap, arc, now, limits):
                 best, best_gap, best_cost = grid.order[k], gap, cost
     return best, best_gap
@@ -310,8 +294,8 @@ def _begin(pieces: Pieces, seed: int, arc: Making, now: int, limits: Limits) -> 
     for k in range(FIT_SIZE):
         arc.fits[now, k] = pieces.fits[seed, k]
     # As the lens bends it, unless its points lie too far off that.
-    if (limits.lens_error < np.inf and _fit(arc, n, arc.total[RSS], now + 1, limits)
-            and arc.fits[now + 1, 6] <= limits.tolerance ** 2 * arc.fits[now + 1, 7]):
+    if (circle.is_known(limits.bend.lens) and _fit(arc, n, arc.total[RSS], now + 1, limits)
+            and arc.fits[now + 1, circle.RSS] <= limits.tolerance ** 2 * arc.fits[now + 1, circle.COUNT]):
         for k in range(FIT_SIZE):
             arc.fits[now, k] = arc.fits[now + 1, k]
     return n
@@ -358,7 +342,7 @@ def _turn_round(nodes: np.ndarray, n: int, members: np.ndarray, first: int, last
 
 @compiled
 def _join(pieces: Pieces, grid: Grid, seeds: np.ndarray, taken: np.ndarray, arc: Making,
-          limits: Limits, dx: np.ndarray, dy: np.ndarray, where: Region, members: np.ndarray,
+          limits: Limits, frame: Frame, members: np.ndarray,
           offsets: np.ndarray) -> int:
     """Write the pieces of each arc, and where they begin; return the number of arcs."""
     arcs = 0
@@ -374,8 +358,7 @@ def _join(pieces: Pieces, grid: Grid, seeds: np.ndarray, taken: np.ndarray, arc:
             while limits.max_gap > 0:
                 outer = 2 * members[placed, 0] + 1 - members[placed, 1]
                 tip = _tip(pieces.ends, outer, arc.fits, arcs, placed == first)
-                best, gap = _partner(pieces, grid, taken, arc, n, arcs, tip, limits, dx, dy,
-                                     where)
+                best, gap = _partner(pieces, grid, taken, arc, n, arcs, tip, limits, frame)
                 if best < 0:
                     break
                 placed += 1
@@ -388,47 +371,26 @@ def _join(pieces: Pieces, grid: Grid, seeds: np.ndarray, taken: np.ndarray, arc:
     return arcs
 
 
-def _known(lens: DivisionModel | None) -> tuple[Lens, float]:
-    """Return a lens and the error of its lambda as :class:`Limits` has them."""
-    if lens is None:
-        return circle.NO_LENS, math.inf
-    error = KNOWN_ERROR * (1 - lens.lam / 3) ** 2   # as far off in the picture for any lambda
-    return lens.in_pixels, error / lens.half_diagonal ** 2
-
-
-def join(pieces: Pieces, memory: Memory, dx: np.ndarray, dy: np.ndarray, where: Region,
-         min_seed: float, max_gap: float, tolerance: float, significance: float, sharpest: float,
-         lens: DivisionModel | None) -> Joined:
+def join(pieces: Pieces, memory: Memory, frame: Frame, limits: Limits) -> Joined:
     """
-    Make arcs of pieces; those made of short pieces only are left out.
+    Join pieces to arcs; arcs of short pieces only are left out.
 
     Parameters
     ----------
     pieces, memory
-        What :func:`describe` describes, and that in which it does.
-    dx, dy
-        (H, W) int16 gradients.
-    where
-        Where arcs may be: none is made across what is masked.
-    min_seed
-        Shortest piece from which an arc is made, px.
-    max_gap, tolerance
-        As in :class:`Parameters`, px; with a ``max_gap`` of 0 each arc is one piece.
-    significance, sharpest
-        As in :func:`extraction.extract`.
-    lens
-        Through which the image was taken, if that is known: arcs that may be pictures of straight
-        edges are bent as it says, and need less evidence to be joined over a gap; two such make
-        no arc that is none.
+        The pieces, and the memory in which :func:`describe` described them.
+    frame
+        The image: no arc is joined across masked pixels.
+    limits
+        Of the frame.
 
     """
     m = len(pieces.sums)
-    grid = sort_ends(pieces.ends, memory.order[:2 * m], memory.places[:2 * m], *dx.shape)
+    grid = sort_ends(pieces.ends, memory.order[:2 * m], memory.places[:2 * m], *frame.dx.shape)
     lengths = pieces.sums[:, SIZE]
-    seeds = longest_first(lengths, lengths >= min_seed)
+    seeds = longest_first(lengths, lengths >= limits.min_seed)
     memory.taken[:m] = False
     arc = Making(memory.nodes_of_arc, memory.total, memory.fits)
-    limits = Limits(max_gap, tolerance, significance, sharpest, *_known(lens))
-    arcs = _join(pieces, grid, seeds, memory.taken, arc, limits, dx, dy, where,
-                 memory.members, memory.offsets)
+    arcs = _join(pieces, grid, seeds, memory.taken, arc, limits, frame, memory.members,
+                 memory.offsets)
     return Joined(memory.members, memory.offsets[:arcs + 1], memory.fits[:arcs])

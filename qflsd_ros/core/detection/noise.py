@@ -100,7 +100,7 @@ def blur(least: float, noise: float) -> float:
     return math.hypot(least, min(BLUR * noise, MOST_BLUR))
 
 
-def shortest(usual: int, noise: float) -> int:
+def min_points(usual: int, noise: float) -> int:
     """
     Return the edge points of the shortest piece that is worth looking for.
 

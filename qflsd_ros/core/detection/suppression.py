@@ -1,53 +1,57 @@
 """
-Of parallel arcs that lie on top of each other, the longest.
+Suppression: of parallel arcs closer than min_distance, the longest is kept.
 
-A thin line in the image has two edges, one on either side; a blurred or double edge may be found
-twice; sharpening draws a faint edge beside a strong one, some px farther off.  Arcs are entered
-into a grid, the longest first; one that for the most part lies beside those in it, in the same
-direction, is left out.
+A thin line in the image has an edge on either side, a blurred edge may be found twice, and
+sharpening in the camera adds a faint edge, a halo, beside a strong one.  Arcs are entered into a
+grid, the longest first.  An arc is suppressed if most of it is close and parallel to arcs in the
+grid.
 """
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
+from qflsd_ros.core import circle
 from qflsd_ros.core.arcs import CONTRAST, END, LENGTH, MIDDLE, START
 from qflsd_ros.core.compilation import compiled, inlined
 
-PARALLEL = math.sin(math.radians(10.0))
-HIDDEN = 0.6        # share of an arc beside others from which on it is left out
-FAINT = 0.55        # of a strong arc's contrast: what may be the halo that sharpening gives it
-HALO = 1.5          # how many times as far as others such a halo is looked for
+PARALLEL = math.sin(math.radians(10.0))     # sine of the angle between parallel arcs, at most
+HIDDEN = 0.6        # share of an arc close to others from which on it is suppressed
+FAINT = 0.55        # contrast of a halo, as a share of the contrast of the arc, at most
+HALO = 1.5          # distance of a halo, as a multiple of min_distance, at most
 CELL = 16.0         # px, of the grid
-ENTRIES = 2         # of an arc to the grid for each length of a cell
-STEP = 6.0          # px between the places of an arc that are looked at
+ENTRIES = 2         # entries of an arc into the grid per cell length
+STEP = 6.0          # px between the points of an arc that are compared
 
 
-@inlined
-def _near(fits: np.ndarray, arc: int, x: float, y: float) -> tuple[float, float, float]:
-    """Return P(x, y) of an arc, and its gradient: about the distance, and the unit normal."""
-    a, b, c = fits[arc, 2], fits[arc, 3], fits[arc, 4]
-    x, y = x - fits[arc, 0], y - fits[arc, 1]
-    return a * (x * x + y * y) + b * x + c * y + fits[arc, 5], 2 * a * x + b, 2 * a * y + c
+class Grid(NamedTuple):
+    """The arcs near each cell, as linked lists."""
+
+    heads: np.ndarray       # (rows, columns) int64: first entry of each cell, or -1
+    entries: np.ndarray     # (E, 2) int64: arc, and the next entry of the cell, or -1
 
 
 @inlined
 def _at(rows: np.ndarray, fits: np.ndarray, arc: int,
         share: float) -> tuple[float, float, float, float]:
-    """Return a point of an arc, about the given share along it, and the unit normal there."""
+    """Return the point of an arc at about the given share of its length, and the unit normal."""
     a, b, c = (1 - share) * (1 - 2 * share), 4 * share * (1 - share), share * (2 * share - 1)
     x = a * rows[arc, START] + b * rows[arc, MIDDLE] + c * rows[arc, END]
     y = a * rows[arc, START + 1] + b * rows[arc, MIDDLE + 1] + c * rows[arc, END + 1]
-    p, nx, ny = _near(fits, arc, x, y)
+    p = circle.value_at(fits, arc, x, y)
+    nx, ny = circle.normal_at(fits, arc, x, y)
     return x - p * nx, y - p * ny, nx, ny
 
 
 @inlined
-def _beside(rows: np.ndarray, fits: np.ndarray, arc: int, x: float, y: float, nx: float,
-            ny: float, distance: float) -> bool:
-    """Return whether an arc passes a point within the distance, at right angles to (nx, ny)."""
-    p, ux, uy = _near(fits, arc, x, y)
+def _is_beside(rows: np.ndarray, fits: np.ndarray, arc: int,
+               point: tuple[float, float, float, float], distance: float) -> bool:
+    """Return whether an arc passes a point (x, y, unit normal) in parallel within a distance."""
+    x, y, nx, ny = point
+    p = circle.value_at(fits, arc, x, y)
+    ux, uy = circle.normal_at(fits, arc, x, y)
     if abs(p) > distance or abs(nx * uy - ny * ux) > PARALLEL:
         return False
     x0, y0 = rows[arc, START], rows[arc, START + 1]
@@ -58,24 +62,27 @@ def _beside(rows: np.ndarray, fits: np.ndarray, arc: int, x: float, y: float, nx
 
 @inlined
 def _reach(rows: np.ndarray, arc: int, other: int, distance: float) -> float:
-    """Return up to which distance from another arc one is left out."""
+    """Return the distance from another arc within which an arc is suppressed."""
     faint = rows[arc, CONTRAST] < FAINT * rows[other, CONTRAST]
     return HALO * distance if faint else distance
 
 
+@inlined
+def _cell(coordinate: float, cells: int) -> int:
+    return min(max(int(coordinate / CELL), 0), cells - 1)
+
+
 @compiled
-def _hidden(rows: np.ndarray, fits: np.ndarray, arc: int, heads: np.ndarray, entries: np.ndarray,
-            distance: float) -> bool:
-    """Return whether an arc for the most part lies beside those in the grid."""
+def _is_hidden(rows: np.ndarray, fits: np.ndarray, arc: int, grid: Grid, distance: float) -> bool:
+    """Return whether most of an arc is close and parallel to arcs in the grid."""
+    heads, entries = grid
     steps = int(math.ceil(rows[arc, LENGTH] / STEP))
     free = (1 - HIDDEN) * (steps + 1)
     for i in range(steps + 1):
-        x, y, nx, ny = _at(rows, fits, arc, i / steps)
-        row = min(max(int(y / CELL), 0), heads.shape[0] - 1)
-        column = min(max(int(x / CELL), 0), heads.shape[1] - 1)
-        entry = heads[row, column]
-        while entry >= 0 and not _beside(rows, fits, entries[entry, 0], x, y, nx, ny,
-                                         _reach(rows, arc, entries[entry, 0], distance)):
+        point = _at(rows, fits, arc, i / steps)
+        entry = heads[_cell(point[1], heads.shape[0]), _cell(point[0], heads.shape[1])]
+        while entry >= 0 and not _is_beside(rows, fits, entries[entry, 0], point,
+                                            _reach(rows, arc, entries[entry, 0], distance)):
             entry = entries[entry, 1]
         if entry < 0:
             free -= 1
@@ -86,22 +93,23 @@ def _hidden(rows: np.ndarray, fits: np.ndarray, arc: int, heads: np.ndarray, ent
 
 @compiled
 def _sides(distance: float) -> int:
-    """Return how many steps across an arc, a cell long at most, cover its reach."""
+    """Return how many steps of at most a cell cover the reach across an arc."""
     return max(1, math.ceil(2 * HALO * distance / CELL))
 
 
 @compiled
-def _enter(rows: np.ndarray, fits: np.ndarray, arc: int, distance: float, heads: np.ndarray,
-           entries: np.ndarray, count: int) -> int:
-    """Enter an arc into all cells within reach of it; return the new count."""
+def _enter(rows: np.ndarray, fits: np.ndarray, arc: int, distance: float, grid: Grid,
+           count: int) -> int:
+    """Enter an arc into all cells within its reach; return the new number of entries."""
+    heads, entries = grid
     sides = _sides(distance)
     steps = int(math.ceil(ENTRIES * rows[arc, LENGTH] / CELL))
     for i in range(steps + 1):
         x, y, nx, ny = _at(rows, fits, arc, i / steps)
         for j in range(sides + 1):
             side = HALO * distance * (2 * j / sides - 1)
-            row = min(max(int((y + side * ny) / CELL), 0), heads.shape[0] - 1)
-            column = min(max(int((x + side * nx) / CELL), 0), heads.shape[1] - 1)
+            row, column = _cell(y + side * ny, heads.shape[0]), _cell(x + side * nx,
+                                                                      heads.shape[1])
             head = heads[row, column]
             if head < 0 or entries[head, 0] != arc:
                 entries[count, 0], entries[count, 1] = arc, head
@@ -111,37 +119,36 @@ def _enter(rows: np.ndarray, fits: np.ndarray, arc: int, distance: float, heads:
 
 
 @compiled
-def _separate(rows: np.ndarray, fits: np.ndarray, order: np.ndarray, distance: float,
-              heads: np.ndarray, entries: np.ndarray, keep: np.ndarray) -> None:
+def _suppress(rows: np.ndarray, fits: np.ndarray, order: np.ndarray, distance: float, grid: Grid,
+              keep: np.ndarray) -> None:
     count = 0
     for arc in order:
-        keep[arc] = not _hidden(rows, fits, arc, heads, entries, distance)
+        keep[arc] = not _is_hidden(rows, fits, arc, grid, distance)
         if keep[arc]:
-            count = _enter(rows, fits, arc, distance, heads, entries, count)
+            count = _enter(rows, fits, arc, distance, grid, count)
 
 
-def separate(rows: np.ndarray, fits: np.ndarray, height: int, width: int, distance: float,
+def suppress(rows: np.ndarray, fits: np.ndarray, shape: tuple[int, int], distance: float,
              keep: np.ndarray) -> None:
     """
-    Leave out arcs that lie beside longer ones.
+    Suppress arcs that are close and parallel to longer ones.
 
     Parameters
     ----------
     rows, fits
         (M, COLUMNS) and (M, FIT_SIZE) float64, the arcs as in :mod:`assembly`.
-    height, width
-        Size of the image, px.
+    shape
+        Height and width of the image, px.
     distance
-        Largest distance at which an arc is beside another, px, above 0; HALO times as much where
-        it is faint.
+        Largest distance of a suppressed arc, px, above 0; HALO times as much if it is faint.
     keep
-        (M,) bool, set to False where an arc is left out; those for which it is False already are
-        not looked at.
+        (M,) bool, set to False for suppressed arcs; arcs for which it is False already are
+        ignored.
 
     """
     lengths, order = rows[:, LENGTH], np.flatnonzero(keep)
-    # Exactly the longest first: so leaving out the shortest beforehand changes nothing for others.
+    # Exactly the longest first: an arc then depends on longer arcs only.
     order = order[np.argsort(-lengths[order], kind='stable')]
-    heads = np.full((int(height / CELL) + 1, int(width / CELL) + 1), -1, np.int64)
+    heads = np.full([int(side / CELL) + 1 for side in shape], -1, np.int64)
     most = (_sides(distance) + 1) * int(ENTRIES / CELL * lengths[order].sum() + 2 * len(order))
-    _separate(rows, fits, order, distance, heads, np.empty((most, 2), np.int64), keep)
+    _suppress(rows, fits, order, distance, Grid(heads, np.empty((most, 2), np.int64)), keep)

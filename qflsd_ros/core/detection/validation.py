@@ -1,147 +1,135 @@
 """
-Tell an arc from an accident.
+Validation: an arc is accepted if it is unlikely to arise by chance.
 
-A-contrario (Desolneux, Moisan and Morel 2000; LSD; EDLines): were it one, the gradient at each of
-its edge points would lie within 11.25 degrees of its normal, on either side, by chance alone.
-That chance is about 1/8 for random directions, and larger where there is texture all around, as
-strong as the arc itself, whose contours the edge points follow.  Of n points k are aligned.  The
-number of false alarms is the number of arcs looked at, times the probability of k or more of n.
+The test is a-contrario (Desolneux, Moisan and Morel 2000; LSD; EDLines).  In an image without the
+arc, the gradient at each of its edge points would lie within 11.25 degrees of its normal, on
+either side, by chance alone.  That probability is about 1/8 for random directions.  It is larger
+in texture as strong as the arc itself, because edge points follow the contours there.  If k of n
+points are aligned, the number of false alarms is the number of candidate arcs, times the
+probability of k or more aligned points of n.
 
-Points count in full only where the gradient is strong: the weaker, the more it is noise.  What
-noise turns it by is not held against it, and where that may be any angle it tells nothing.
+Points with a weak gradient have a lower weight, because noise dominates it.  The angle by which
+noise turns a gradient is added to the limit of 11.25 degrees, and a point has no weight if noise
+can turn its gradient by any angle.
 
-Nor would the points of an accident lie as close to the arc: they would scatter over the width that
-its tolerance leaves them.  The chance that so many distances are as small as they are is added.
+The points of an accidental arc are also scattered over the width that the tolerance leaves them.
+The probability that all distances from the arc are as small as observed is a second factor.
 
-Both chances are those of points that are independent of each other.  Neighbours share pixels and
-blur, and arcs are looked for where points line up, so that the score orders arcs but promises
-no rate: in images of noise alone the number of arcs falls by a factor of 1.5 to 6 for each
-unit of the score, the less the coarser its grain is; see benchmark/false_alarms.py.
+Both probabilities assume independent points.  Neighbours share pixels and blur, and the search
+selects points that line up, so that the score orders arcs but is not a rate.  In images of noise
+alone, each unit of the score divides the number of arcs by 1.5 (coarse noise) to 6 (white noise);
+see benchmark/experiments/false_alarms.py.
 """
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
+from qflsd_ros.core import circle
 from qflsd_ros.core.compilation import compiled, inlined, summed
 from qflsd_ros.core.detection.edges import SOBEL_GAIN
-from qflsd_ros.core.detection.region import Region
+from qflsd_ros.core.detection.frame import Frame
 
-SINE = math.sin(math.radians(11.25))
-NOISE_ALIGNED = 1.5                     # standard deviations of noise more
-# Of alignment: at least, as photographs are told best from texture, and more in busy surroundings.
+SINE = math.sin(math.radians(11.25))    # of the angle of alignment: that of EDLines
+NOISE_ALIGNED = 1.5     # standard deviations of noise that are added to it
+# Probability of alignment by chance: its least value, since photographs separate best from texture
+# with it, and its rise with the share of strong gradients in the surroundings.
 CHANCE, CHANCE_BUSY = 0.08, 0.5
-BUSY = 0.5                              # of an arc's contrast: what is strong in its surroundings
-BESIDE = (-8.0, -4.0, 4.0, 8.0)         # px from the arc, where surroundings are looked at
-EVERY = 8               # edge points from one look to the next
+BUSY = 0.5                              # contrast of a strong gradient nearby, as a share
+BESIDE = (-8.0, -4.0, 4.0, 8.0)         # px from the arc, where the surroundings are sampled
+EVERY = 8               # edge points between two samples of the surroundings
 JITTER = 1.0            # px by which noise as strong as the contrast moves a point
-SCATTER = 0.43          # of the tolerance: rms distance of an accident's points from its arc
-EXACT = 0.5             # of that: rms distance from which on less does not say more
-INDEPENDENT = 0.5       # share of the points whose distances do not follow from their neighbours'
+SCATTER = 0.43          # rms distance of accidental points, as a share of the tolerance
+EXACT = 0.5             # least rms distance that raises the score, as a share of the scatter
+INDEPENDENT = 0.5       # share of the points whose distances are independent
 
-
-# What speaks for a piece of an arc: columns of an array (M, WITNESSES) float64.  The weight of all
-# its points, and of the aligned ones; the sum of the steps across in grey levels; the points where
-# P grows with the grey level, less the rest; the places beside the arc that were looked at, and
-# those that are strong.
-WEIGHT, ALIGNED, STEPS, SIGNS, LOOKS, STRONG, WITNESSES = range(7)
-
-
-class Evidence(NamedTuple):
-    """What an arc is compared with."""
-
-    points: np.ndarray      # (4, E) float32, as :func:`edges.locate` leaves them
-    dx: np.ndarray          # (H, W) int16 gradients
-    dy: np.ndarray
-    clear: float            # how strong a gradient is that counts half, grey levels
-    noise: float            # standard deviation of dx and dy, grey levels
-    region: Region          # where arcs may be
-    blur: float             # standard deviation of the Gaussian before dx and dy, px
+# Columns of the gradient support of a piece, one row of a float64 array: the weight of all points,
+# and of the aligned ones; the sum of the steps across, grey levels; the number of points where P
+# grows with the grey level, less the others; the samples beside the arc, and the strong ones.
+WEIGHT, ALIGNED, STEPS, SIGNS, SAMPLES, STRONG, SUPPORT_SIZE = range(7)
 
 
 @summed
-def _support(fits: np.ndarray, i: int, points: np.ndarray, first: int, last: int, clear: float,
-             noise: float, found: np.ndarray) -> None:
-    """Compare the gradients at edge points ``first`` to ``last`` with the normal of fit i."""
-    ox, oy, a, b, c = fits[i, 0], fits[i, 1], fits[i, 2], fits[i, 3], fits[i, 4]
+def _alignment(fits: np.ndarray, i: int, points: np.ndarray, span: tuple[int, int], frame: Frame,
+               support: np.ndarray) -> None:
+    """Compare the gradients at a span of edge points with the normal of fit i."""
     total, aligned, steps, signs = 0.0, 0.0, 0.0, 0.0
-    for k in range(first, last + 1):
+    for k in range(span[0], span[1] + 1):
         gx, gy = points[2, k], points[3, k]
-        nx, ny = 2 * a * (points[0, k] - ox) + b, 2 * a * (points[1, k] - oy) + c
+        nx, ny = circle.normal_at(fits, i, points[0, k], points[1, k])
         across, along = gx * nx + gy * ny, gx * ny - gy * nx
         # With s = 1 / (m + c) a gradient m has the weight m / (m + c) = 1 - c s.
-        s = 1 / (math.sqrt(gx * gx + gy * gy) + np.float32(clear))
-        weight = 1 - clear * s
-        most = SINE * weight + NOISE_ALIGNED * noise * s
+        s = 1 / (math.sqrt(gx * gx + gy * gy) + np.float32(frame.high))
+        weight = 1 - frame.high * s
+        most = SINE * weight + NOISE_ALIGNED * frame.noise * s
         weight = weight if most < weight else 0.0  # type: ignore[assignment]
         total += weight  # type: ignore[assignment]
         aligned += weight if abs(along) * s < most else 0.0  # type: ignore[assignment]
         steps += abs(across)
         signs += math.copysign(1.0, across)
-    found[i, WEIGHT], found[i, ALIGNED] = total, aligned
-    found[i, STEPS], found[i, SIGNS] = steps, signs
+    support[i, WEIGHT], support[i, ALIGNED] = total, aligned
+    support[i, STEPS], support[i, SIGNS] = steps, signs
 
 
 @inlined
-def _surroundings(fits: np.ndarray, i: int, points: np.ndarray, first: int, last: int,
-                  dx: np.ndarray, dy: np.ndarray, where: Region, strong: float,
-                  found: np.ndarray) -> None:
-    """Count the places seen beside edge points ``first`` to ``last``, and the strong of them."""
-    height, width = dx.shape
+def _surroundings(fits: np.ndarray, i: int, points: np.ndarray, span: tuple[int, int],
+                  frame: Frame, support: np.ndarray) -> None:
+    """Count the samples beside a span of edge points, and those with a strong gradient."""
+    height, width = frame.dx.shape
+    strong = BUSY * support[i, STEPS] / (span[1] + 1 - span[0])
     least = int((SOBEL_GAIN * strong) ** 2)
-    looks = hits = 0
-    for k in range(first, last + 1, EVERY):
+    samples = hits = 0
+    for k in range(span[0], span[1] + 1, EVERY):
         x, y = float(points[0, k]), float(points[1, k])
-        nx = 2 * fits[i, 2] * (x - fits[i, 0]) + fits[i, 3]
-        ny = 2 * fits[i, 2] * (y - fits[i, 1]) + fits[i, 4]
+        nx, ny = circle.normal_at(fits, i, x, y)
         for offset in BESIDE:
             column = min(max(int(x + offset * nx + 0.5), 0), width - 1)
             row = min(max(int(y + offset * ny + 0.5), 0), height - 1)
-            if where.masked and not where.seen[row, column]:
+            if frame.region.masked and not frame.region.seen[row, column]:
                 continue
-            gx, gy = int(dx[row, column]), int(dy[row, column])
-            looks += 1
+            gx, gy = int(frame.dx[row, column]), int(frame.dy[row, column])
+            samples += 1
             hits += gx * gx + gy * gy > least
-    found[i, LOOKS], found[i, STRONG] = looks, hits
+    support[i, SAMPLES], support[i, STRONG] = samples, hits
 
 
 @compiled
-def witness(evidence: Evidence, runs: np.ndarray, fits: np.ndarray, wanted: np.ndarray,
-            found: np.ndarray) -> None:
+def gradient_support(frame: Frame, points: np.ndarray, runs: np.ndarray, fits: np.ndarray,
+                     wanted: np.ndarray, support: np.ndarray) -> None:
     """
-    Find what speaks for each piece of an arc that is wanted.
+    Measure how the gradients support the pieces that are wanted.
 
     Parameters
     ----------
-    evidence
-        Of the image.
+    frame
+        The image.
+    points
+        (4, E) float32, as :func:`edges.locate` leaves them.
     runs, fits
         (M, 2) and (M, FIT_SIZE), as :func:`extraction.extract` leaves them.
     wanted
-        (M,) bool, the pieces to look at.
-    found
-        (M, WITNESSES) float64, takes what is found.
+        (M,) bool, the pieces to measure.
+    support
+        (M, SUPPORT_SIZE) float64, receives the support; rows of other pieces are left as they are.
 
     """
-    points, dx, dy, clear, noise, where, _ = evidence
     for i in range(len(runs)):
         if wanted[i]:
-            first, last = runs[i, 0], runs[i, 1]
-            _support(fits, i, points, first, last, clear, noise, found)
-            strong = BUSY * found[i, STEPS] / (last + 1 - first)
-            _surroundings(fits, i, points, first, last, dx, dy, where, strong, found)
+            span = (runs[i, 0], runs[i, 1])
+            _alignment(fits, i, points, span, frame, support)
+            _surroundings(fits, i, points, span, frame, support)
 
 
 @compiled
 def closeness(points: float, rms: float, noise: float, tolerance: float) -> float:
     """
-    Return what it adds to the score that so many points lie within such an rms distance, px.
+    Return the score of an rms distance, px, of a number of edge points from their arc.
 
-    Of m independent distances the share ``(rms / scatter)^m`` of all that are to be expected is as
-    small: the volume of a ball in m dimensions.  Noise, given as a share of the contrast, is not
-    held against the arc; nor do points tell anything that it moves as far as that scatter.
+    The probability that all of m independent distances, of a standard deviation ``scatter``, have
+    an rms this small is about ``(rms / scatter)^m``, the volume of a ball in m dimensions.  The
+    displacement by ``noise``, a share of the contrast, is subtracted from the rms; points that
+    noise displaces by the scatter add nothing to the score.
     """
     scatter, jitter = SCATTER * tolerance, JITTER * noise
     least = min(max(EXACT * scatter, jitter), scatter)
@@ -152,10 +140,10 @@ def closeness(points: float, rms: float, noise: float, tolerance: float) -> floa
 @compiled
 def score(n: float, k: float, busy: float, candidates: int) -> float:
     """
-    Return -log10 of the number of false alarms (NFA) of independent points.
+    Return -log10 of the number of false alarms (NFA), for independent points.
 
-    ``n`` and ``k`` are the weights of all and of the aligned points, ``busy`` is the share of
-    strong places in the surroundings; the binomial tail is taken by Hoeffding's bound.
+    ``n`` and ``k`` are the weights of all points and of the aligned points, and ``busy`` is the
+    share of strong gradients in the surroundings.  Hoeffding's bound replaces the binomial tail.
     """
     share, chance = k / n if n > 0 else 0.0, CHANCE + CHANCE_BUSY * busy
     surprise = 0.0

@@ -9,8 +9,9 @@ import math
 
 import numpy as np
 
+from qflsd_ros.core import circle
 from qflsd_ros.core.arcs import Arcs
-from qflsd_ros.core.circle import fit, FIT_SIZE, NO_LENS
+from qflsd_ros.core.circle import CurvatureLimits, fit, FIT_SIZE, UNKNOWN_LENS
 from qflsd_ros.core.compilation import compiled
 from qflsd_ros.core.lens.division import DivisionModel
 
@@ -25,6 +26,7 @@ INFORMATIVE = 1.0
 # A circle whose centre is closer than this to the image centre is taken for the rim of a fisheye's
 # image circle, which is centred to a few percent of the diagonal.
 RIM = 0.05
+ANY_CURVATURE = CurvatureLimits(0.0, math.inf, UNKNOWN_LENS)
 # Columns of an observation: curvature, its variance by noise alone and with STRAY, the unit normal
 # (2 columns), and the point (2 columns).
 CURVATURE, NOISE, VARIANCE, NORMAL, POINT, COLUMNS = 0, 1, 2, 3, 5, 7
@@ -50,14 +52,15 @@ def _observe(points: np.ndarray, offsets: np.ndarray, lengths: np.ndarray, origi
     """Fill in the observations; the arguments are those of :func:`observe` as arrays."""
     for i in range(len(seen)):
         first, last = offsets[i] + CORNER, offsets[i + 1] - 1 - CORNER
-        if last - first + 1 < LEAST_POINTS or not fit(points, first, last, 0.0, 0.0, np.inf,
-                                                      NO_LENS, fits, 0):
+        if last - first + 1 < LEAST_POINTS or not fit(points, (first, last), 0.0, ANY_CURVATURE,
+                                                      fits, 0):
             continue
-        x, y, A, B, C, D = fits[0, 0], fits[0, 1], fits[0, 2], fits[0, 3], fits[0, 4], fits[0, 5]
+        x, y = fits[0, circle.X0], fits[0, circle.Y0]
+        A, B, C, D = circle.curve(fits, 0)
         size = math.sqrt(B * B + C * C)
         off = 2 * D / (1 + size)
         seen[i, CURVATURE] = 2 * A * unit
-        seen[i, NOISE] = 4 * fits[0, 8] * unit ** 2
+        seen[i, NOISE] = 4 * fits[0, circle.VAR_A] * unit ** 2
         seen[i, VARIANCE] = seen[i, NOISE] + (8 * STRAY * unit / lengths[i] ** 2) ** 2
         seen[i, NORMAL], seen[i, NORMAL + 1] = B / size, C / size
         seen[i, POINT] = (x - off * B / size - origin[0]) / unit

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from qflsd_ros.core import circle, DivisionModel
 from qflsd_ros.core.detection import extraction, joining
+from qflsd_ros.core.detection.frame import curvature_limits, Frame, Limits
 from qflsd_ros.core.detection.region import region
 from rendering import (
     both, disk, half_plane, off_circle, off_line, polygon, render, through_lens)
@@ -56,14 +57,14 @@ def pieces_joined(gap: float, aside: float, max_gap: float) -> list[int]:
     points[0], points[1] = x, np.repeat([30, 30 + aside], 60) + 0.02 * (np.arange(120) % 2)
     offsets, runs = np.array([0, 60, 120]), np.empty((20, 2), np.int64)
     fits = np.empty((20, circle.FIT_SIZE))
-    count = extraction.extract(points, offsets, 2, 8, 0.7, 2.3, 0.01, circle.NO_LENS, False,
-                               np.empty((20, 3), np.int64), runs, fits)
+    limits = Limits(8, 12.0, 15.0, 4.0, 2.4, max_gap, 0.7, *curvature_limits(2.3, 0.01, None))
+    count = extraction.extract(points, offsets, limits, np.empty((20, 3), np.int64), runs, fits)
     assert count == 2
     memory = joining.Memory(20)
     pieces = joining.describe(points, runs[:2], fits[:2], memory)
     flat = np.zeros((60, 220), np.int16)
-    joined = joining.join(pieces, memory, flat, flat, region(flat.shape, None), 12.0, max_gap, 0.7,
-                          2.3, 0.01, None)
+    frame = Frame(flat, flat, region(flat.shape, None), 0.0, 0.6, 3.5, 10.0)
+    joined = joining.join(pieces, memory, frame, limits)
     return np.diff(joined.offsets).tolist()
 
 

@@ -82,6 +82,6 @@ def test_more_noise_is_blurred_more():
 @given(st.integers(5, 20), st.floats(0, 100), st.floats(0, 100))
 def test_noise_breaks_edges_into_shorter_pieces(usual, one, other):
     less, more = sorted((one, other))
-    assert noise.shortest(usual, 0) == usual
-    assert usual >= noise.shortest(usual, less) >= noise.shortest(usual, more) >= noise.FEWEST
-    assert noise.shortest(usual, 100) == noise.FEWEST
+    assert noise.min_points(usual, 0) == usual
+    assert usual >= noise.min_points(usual, less) >= noise.min_points(usual, more) >= noise.FEWEST
+    assert noise.min_points(usual, 100) == noise.FEWEST
