@@ -28,7 +28,7 @@ NOT_VARIED = {
     'column numbers, layout of memory and technical limits': (
         'chains.BYTE_NUMBERS', 'detector.SMALLEST_IMAGE', 'edges.WEAK',
         'edges.STRONG', 'extraction.SECTION', 'extraction.NO_RUN', 'grid.CELL', 'joining.NODES',  'order.GRAIN', 'suppression.CELL', 'suppression.ENTRIES'),
-    'given by theory': ('edges.SOBEL_GAIN',),
+    'given by theory': ('edges.GAIN',),
     'in use only with a known lens': (
         'frame.KNOWN_STD', 'joining.BOW', 'joining.BENT', 'joining.EASE'),
     'in use only with a mask': ('assembly.SAMPLED',)}

@@ -146,11 +146,11 @@ class Detector:
 
     def _trace(self, frame: Frame, min_points: int) -> np.ndarray:
         """Leave chains of edge points in memory; return where each begins, and their end."""
-        memory, (height, width) = self._memory, frame.dx.shape
-        dx, dy = frame.dx.reshape(-1), frame.dy.reshape(-1)
-        count = chains.trace(dx, dy, memory.flat, memory.words, memory.steps, min_points,
-                             memory.pixels, memory.offsets)
-        edges.locate(dx, dy, width, memory.pixels, memory.offsets[count], memory.points)
+        memory = self._memory
+        image = chains.edge_map(memory.flat, frame.dx, frame.dy)
+        count = chains.trace(image, memory.words, min_points, memory.pixels, memory.offsets)
+        edges.locate(image.dx, image.dy, image.width, memory.pixels, memory.offsets[count],
+                     memory.points)
         return memory.offsets[:count + 1]
 
     def _ended(self, stage: str) -> None:
@@ -192,13 +192,12 @@ class _Memory:
 
     def __init__(self, height: int, width: int) -> None:
         self.shape = height, width
-        self.blurred = np.empty(self.shape, np.uint8)
+        self.blurred = np.empty(self.shape, np.float32)
         self.dx, self.dy = np.empty(self.shape, np.int16), np.empty(self.shape, np.int16)
         self.magnitudes = np.empty((3, width), np.float32)
         self.flat = np.zeros((height * width + 7) // 8 * 8, np.uint8)
         self.words = self.flat.view(np.uint64)
         self.edges = self.flat[:height * width].reshape(self.shape)
-        self.steps = chains.steps(width)
         self._mask: np.ndarray | None = None
         self._region = region(self.shape, None)
         self.pixels = np.empty(0, np.int32)

@@ -16,10 +16,10 @@ import cv2
 import numpy as np
 
 from qflsd_ros.core.arcs import Arcs, TABLE
-from qflsd_ros.core.detection.edges import SOBEL_GAIN
 from qflsd_ros.core.parameters import Parameters
 
 DRAWS = 20          # open: attempts at three points that are not collinear
+SOBEL_GAIN = 4.0    # response of cv2.Canny's Sobel filter to a step of one grey level
 
 
 def solve(points: np.ndarray) -> np.ndarray | None:

@@ -93,13 +93,13 @@ class Parameters:
         'arcs', 'Algorithm: arcs (this package) or paper (Algorithms 1 to 3 as printed, slow).',
         choices=METHODS)
     blur_sigma: float = parameter(
-        0.6, 'Least standard deviation of the blur before the gradients; noise adds to it.',
+        0.7, 'Least standard deviation of the blur before the gradients; noise adds to it.',
         'px', 0.0, 5.0)
     contrast_high: float = parameter(
-        10.0, 'Step across an edge from which on it starts a contour; less in an image of low '
+        6.5, 'Step across an edge from which on it starts a contour; less in an image of low '
         'contrast, more in a noisy one.', 'grey levels', 1.0, 255.0)
     contrast_low: float = parameter(
-        3.5, 'Step across an edge down to which a contour that has started goes on; in proportion '
+        2.3, 'Step across an edge down to which a contour that has started goes on; in proportion '
         'to contrast_high.', 'grey levels', 0.5, 255.0)
     tolerance: float = parameter(
         0.7, 'Largest rms distance of the edge pixels of an arc from it, and largest distance of '

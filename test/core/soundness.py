@@ -47,7 +47,7 @@ def assert_edge_pixels(pixels: np.ndarray, gray: np.ndarray, parameters: Paramet
         thresholds.estimate(gray), noise.of_gradient(grain, sigma), parameters.contrast_high)
     dx, dy = (np.empty(gray.shape, np.int16) for _ in range(2))
     edges.gradients(gray, sigma, np.empty_like(gray), dx, dy)
-    dx, dy = dx / edges.SOBEL_GAIN, dy / edges.SOBEL_GAIN
+    dx, dy = dx / edges.GAIN, dy / edges.GAIN
     magnitude = np.pad(np.hypot(dx, dy), 1)
     x, y = pixels.T
     here = magnitude[y + 1, x + 1]

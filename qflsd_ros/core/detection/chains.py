@@ -1,76 +1,69 @@
 """
-Step 1b: the edge map as ordered chains of pixels.
+Step 1b: the edge map as ordered chains of pixels, by mutually best links.
 
-Moore-neighbour tracing (the paper's choice) runs out and back along an open edge, so that every
-line is there twice.  This walk visits each pixel once: out from the first pixel of an edge in one
-direction, then from the same pixel in the other, straight on where edges meet.
+Moore-neighbour tracing, the paper's choice, and walks in general depend on the order in which an
+image is read: where edges meet, the first chain takes the pixels.  Here each edge pixel has at
+most one successor and one predecessor: a link joins two pixels if each is the best neighbour of
+the other.  A chain is a path of links with a strong pixel (R. Grompone von Gioi and G. Randall, A
+sub-pixel edge detector: an implementation of the Canny/Devernay algorithm, IPOL 2017).  The
+chains of an image that is turned or mirrored are the same.
+
+Chains travel at right angles to the gradient, with the brighter side to the right, so that all
+pixels of a chain have the same polarity.  Links are evaluated as chains are followed, which leaves
+out edges without a strong pixel.
 """
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from qflsd_ros.core.compilation import compiled, inlined
-from qflsd_ros.core.detection.edges import STRONG
+from qflsd_ros.core.detection.edges import offset_of, STRONG, VISITED
 
 # The 8 neighbours in order of their direction, from the x axis to the y axis and on.
 STEP_X = np.array([1, 1, 0, -1, -1, -1, 0, 1], np.int64)
 STEP_Y = np.array([0, 1, 1, 1, 0, -1, -1, -1], np.int64)
-UNIT_X = STEP_X / np.hypot(STEP_X, STEP_Y)
-UNIT_Y = STEP_Y / np.hypot(STEP_X, STEP_Y)
 ANY_STRONG = np.uint64(STRONG * 0x0101010101010101)     # eight edge pixels at once
 BYTE_NUMBERS = np.uint64(0x0001020304050607)
-# Of a direction (x, y) by the bits x > 0, y > 0, closest to the x axis and to the y axis.
+# The neighbour closest to a direction (x, y), by the bits x > 0, y > 0, closest to the x axis, and
+# to the y axis.
 OCTANTS = np.array([5, 7, 3, 1, 4, 0, 4, 0, 6, 6, 2, 2], np.int64)
-MEMORY = 0.75       # share of the direction so far in the direction after the next step
-TAN_22 = math.sqrt(2) - 1       # tangent of 22.5 degrees
+TAN_22 = math.sqrt(2) - 1       # tangent of 22.5 degrees: half of an octant
+RING = 5                # pixels at a distance of 2 along x or y, within 60 degrees of a direction
+LONGEST = 2.0           # px, of a link (IPOL 2017)
+TURN = 2.0              # weight of the cosine of a link's turn: 1 to 4 change again by less than .002
+AGREE = math.cos(math.radians(50.0))    # cosine of the angle between two linked gradients, at least
 
 
-def steps(width: int) -> np.ndarray:
-    """Return what leads to a pixel's 8 neighbours, (8,) int64, in rows of ``width`` pixels."""
-    return STEP_Y * width + STEP_X
+class EdgeMap(NamedTuple):
+    """The edge pixels of an image and its gradients, as flat arrays of rows of pixels."""
+
+    edges: np.ndarray       # (H W + padding,) uint8: 0, WEAK, STRONG or VISITED
+    dx: np.ndarray          # (H W,) int16 gradients
+    dy: np.ndarray
+    steps: np.ndarray       # (8,) int64: from a pixel to its neighbours
+    ring: np.ndarray        # (8, RING) int64: from a pixel to those at a distance of 2
+    width: int
 
 
-@inlined
-def _next(edges: np.ndarray, at: int, steps: np.ndarray, before: int, ux: float,
-          uy: float) -> int:
-    """
-    Return the neighbour (0 to 7) with which a chain goes on, or -1.
-
-    It is the only one within 45 degrees of the last step; of several, the one closest to (ux, uy);
-    else the closest within 90 degrees.
-    """
-    ahead = edges[at + steps[before]] != 0
-    left = edges[at + steps[(before - 1) & 7]] != 0
-    right = edges[at + steps[(before + 1) & 7]] != 0
-    near = ahead + left + right
-    if near == 1:
-        return (before + right - left) & 7
-    if near == 0:
-        left = edges[at + steps[(before - 2) & 7]] != 0
-        right = edges[at + steps[(before + 2) & 7]] != 0
-        if left != right:
-            return (before + 2 * right - 2 * left) & 7
-        if not left:
-            return -1
-        # The sine of the angle from the last step to (ux, uy) tells which is closer to that.
-        return (before + (2 if UNIT_X[before] * uy > UNIT_Y[before] * ux else -2)) & 7
-    best, cosine = -1, -10.0
-    for turn in range(-1, 2):
-        k = (before + turn) & 7
-        along = ux * UNIT_X[k] + uy * UNIT_Y[k]
-        if edges[at + steps[k]] != 0 and along > cosine:
-            best, cosine = k, along
-    return best
+def _ring() -> np.ndarray:
+    """Return the pixels at a distance of 2 ahead in each direction: (8, RING, 2), x and y."""
+    side = [(x, y) for x in range(-2, 3) for y in range(-2, 3) if max(abs(x), abs(y)) == 2]
+    ahead = [sorted(side, key=lambda p: (-(p[0] * x + p[1] * y) / math.hypot(*p), p))[:RING]
+             for x, y in zip(STEP_X / np.hypot(STEP_X, STEP_Y), STEP_Y / np.hypot(STEP_X, STEP_Y))]
+    return np.array(ahead, np.int64)
 
 
-@inlined
-def _first(strong: np.uint64) -> int:
-    """Return the number (0 to 7) of the first strong pixel of eight; one there must be."""
-    # Of 2^(8 k + 1) the multiplication brings byte 7 - k, which is k, to the top.
-    lowest = strong & (~strong + np.uint64(1))
-    return int(((lowest >> np.uint64(1)) * BYTE_NUMBERS) >> np.uint64(56))
+RING_AT = _ring()
+
+
+def edge_map(edges: np.ndarray, dx: np.ndarray, dy: np.ndarray) -> EdgeMap:
+    """Return the map of flat ``edges``, padded, and (H, W) gradients."""
+    width = dx.shape[1]
+    return EdgeMap(edges, dx.reshape(-1), dy.reshape(-1), STEP_Y * width + STEP_X,
+                   RING_AT[:, :, 1] * width + RING_AT[:, :, 0], width)
 
 
 @inlined
@@ -81,23 +74,102 @@ def _octant(x: float, y: float) -> int:
 
 
 @inlined
-def _walk(edges: np.ndarray, steps: np.ndarray, at: int, k: int, ux: float, uy: float,
-          pixels: np.ndarray, n: int) -> int:
-    """
-    Follow an edge from a pixel on, appending to ``pixels`` from row n on; return the new n.
+def _agree(image: EdgeMap, p: int, q: int) -> bool:
+    """Return whether the gradients at two pixels have about the same direction."""
+    gx, gy, hx, hy = (float(image.dx[p]), float(image.dy[p]), float(image.dx[q]),
+                      float(image.dy[q]))
+    dot = gx * hx + gy * hy
+    return (dot > 0) & (dot * dot > AGREE ** 2 * (gx * gx + gy * gy) * (hx * hx + hy * hy))
 
-    Its direction is (ux, uy), and k that of the neighbour closest to that.
+
+@inlined
+def _is_candidate(image: EdgeMap, p: int, q: int) -> bool:
+    return image.edges[q] != 0 and _agree(image, p, q)
+
+
+@compiled
+def _cost(image: EdgeMap, p: int, q: int, x: int, y: int, sign: int) -> float:
     """
+    Return the cost of a link from pixel p to q, which is (x, y) px away, or inf.
+
+    It is d (1 + w (1 - u . t)) for the vector d u between both edge points and the tangent t at
+    right angles to the sum of both gradients; ``sign`` is 1 ahead and -1 behind.
+    """
+    px, py = offset_of(image.dx, image.dy, image.width, p)
+    qx, qy = offset_of(image.dx, image.dy, image.width, q)
+    dx, dy = x + qx - px, y + qy - py
+    sx, sy = float(image.dx[p]) + image.dx[q], float(image.dy[p]) + image.dy[q]
+    along = sign * (dx * sy - dy * sx) / math.sqrt(sx * sx + sy * sy)
+    d = math.sqrt(dx * dx + dy * dy)
+    return d * (1 + TURN) - TURN * along if 0 < along and d <= LONGEST else np.inf
+
+
+@compiled
+def _nearest(image: EdgeMap, p: int, k: int, sign: int) -> int:
+    """Return the neighbour with the cheapest link within 45 degrees of direction k, or -1."""
+    best, least = -1, np.inf
+    for turn in range(-1, 2):
+        j = (k + turn) & 7
+        q = p + image.steps[j]
+        if _is_candidate(image, p, q):
+            cost = _cost(image, p, q, STEP_X[j], STEP_Y[j], sign)
+            if cost < least:
+                best, least = q, cost
+    return best
+
+
+@compiled
+def _beyond(image: EdgeMap, p: int, k: int, sign: int) -> int:
+    """Return the pixel at a distance of 2 with the cheapest link about direction k, or -1."""
+    best, least = -1, np.inf
+    for i in range(RING):
+        q = p + image.ring[k, i]
+        if 0 <= q < len(image.dx) and _is_candidate(image, p, q):
+            cost = _cost(image, p, q, RING_AT[k, i, 0], RING_AT[k, i, 1], sign)
+            if cost < least:
+                best, least = q, cost
+    return best
+
+
+@inlined
+def _best(image: EdgeMap, p: int, sign: int) -> int:
+    """Return the best pixel to link ahead (sign 1) or behind (-1) of pixel p, or -1."""
+    edges, steps = image.edges, image.steps
+    k = _octant(sign * float(image.dy[p]), -sign * float(image.dx[p]))
+    left, ahead, right = p + steps[(k - 1) & 7], p + steps[k], p + steps[(k + 1) & 7]
+    is_left, is_ahead, is_right = edges[left] != 0, edges[ahead] != 0, edges[right] != 0
+    near = int(is_left) + int(is_ahead) + int(is_right)
+    if near == 1:
+        q = left if is_left else (ahead if is_ahead else right)
+        return q if _agree(image, p, q) else -1
+    return _nearest(image, p, k, sign) if near > 1 else _beyond(image, p, k, sign)
+
+
+@inlined
+def _link(image: EdgeMap, p: int, sign: int) -> int:
+    """Return the pixel that is linked to pixel p, ahead or behind, or -1."""
+    q = _best(image, p, sign)
+    return q if q >= 0 and _best(image, q, -sign) == p else -1
+
+
+@inlined
+def _follow(image: EdgeMap, p: int, sign: int, pixels: np.ndarray, n: int) -> int:
+    """Append the pixels linked to pixel p to ``pixels``, from n on; return the new n."""
     while True:
-        k = _next(edges, at, steps, k, ux, uy)
-        if k < 0:
+        p = _link(image, p, sign)
+        if p < 0 or image.edges[p] == VISITED:
             return n
-        at += steps[k]
-        edges[at] = 0
-        pixels[n] = at
+        image.edges[p] = VISITED
+        pixels[n] = p
         n += 1
-        ux = MEMORY * ux + (1 - MEMORY) * UNIT_X[k]
-        uy = MEMORY * uy + (1 - MEMORY) * UNIT_Y[k]
+
+
+@inlined
+def _first(strong: np.uint64) -> int:
+    """Return the number (0 to 7) of the first strong pixel of eight, at least one of which is."""
+    # Of 2^(8 k + 1) the multiplication brings byte 7 - k, which is k, to the top.
+    lowest = strong & (~strong + np.uint64(1))
+    return int(((lowest >> np.uint64(1)) * BYTE_NUMBERS) >> np.uint64(56))
 
 
 @inlined
@@ -109,39 +181,34 @@ def _turn_round(values: np.ndarray, first: int, last: int) -> None:
 
 
 @inlined
-def _chain(edges: np.ndarray, steps: np.ndarray, at: int, ux: float, uy: float,
-           pixels: np.ndarray, n: int) -> int:
-    """Append the whole chain through a pixel from row n on; return the new n."""
-    k = _octant(ux, uy)
-    edges[at] = 0
-    end = _walk(edges, steps, at, k, ux, uy, pixels, n)
-    # Turn round what has been walked, and go on from where it began in the other direction.
+def _chain(image: EdgeMap, p: int, pixels: np.ndarray, n: int) -> int:
+    """Append the whole chain through a pixel, from n on; return the new n."""
+    image.edges[p] = VISITED
+    end = _follow(image, p, -1, pixels, n)
     _turn_round(pixels, n, end - 1)
-    pixels[end] = at
-    return _walk(edges, steps, at, (k + 4) & 7, -ux, -uy, pixels, end + 1)
+    pixels[end] = p
+    return _follow(image, p, 1, pixels, end + 1)
 
 
 @compiled
-def trace(dx: np.ndarray, dy: np.ndarray, edges: np.ndarray, words: np.ndarray,
-          steps: np.ndarray, shortest: int, pixels: np.ndarray, offsets: np.ndarray) -> int:
+def trace(image: EdgeMap, words: np.ndarray, min_points: int, pixels: np.ndarray,
+          offsets: np.ndarray) -> int:
     """
-    Cut an edge map into chains, each begun at a strong pixel; their pixels are taken out of it.
+    Follow the chains of an edge map; the pixels of chains are marked as VISITED.
 
     Parameters
     ----------
-    dx, dy
-        (H W,) int16 gradients: a chain starts out at right angles to them.
-    edges, words
-        The edge map as :func:`edges.find` leaves it.
-    steps
-        (8,) int64, from a pixel to its neighbours, of :func:`steps`.
-    shortest
+    image
+        The edge map as :func:`edges.find` leaves it, and the gradients.
+    words
+        (N,) uint64, the same memory as the edges, padded to whole words by zeros.
+    min_points
         Chains of fewer pixels are dropped.
     pixels
-        (E,) int32 with room for all edge pixels: those of the chains, y W + x, one chain behind
-        the other.
+        (E,) int32 with room for all edge pixels: receives those of the chains, y W + x, one chain
+        after the other.
     offsets
-        (E / shortest + 2,) int64: where each chain begins, and after the last one where it ends.
+        (E / min_points + 2,) int64: receives where each chain begins, and where the last one ends.
 
     Returns
     -------
@@ -153,12 +220,8 @@ def trace(dx: np.ndarray, dy: np.ndarray, edges: np.ndarray, words: np.ndarray,
     for word in range(len(words)):
         strong = words[word] & ANY_STRONG
         while strong != 0:
-            at = 8 * word + _first(strong)
-            gx, gy = float(dx[at]), float(dy[at])
-            # Down the image first, whichever side of the edge is brighter.
-            size = math.copysign(math.sqrt(gx * gx + gy * gy), gx if gx != 0 else -gy)
-            end = _chain(edges, steps, at, -gy / size, gx / size, pixels, n)
-            if end - n >= shortest:
+            end = _chain(image, 8 * word + _first(strong), pixels, n)
+            if end - n >= min_points:
                 n = end
                 chains += 1
                 offsets[chains] = n

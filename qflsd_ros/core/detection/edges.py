@@ -14,9 +14,45 @@ import numpy as np
 
 from qflsd_ros.core.compilation import compiled, inlined
 
-SOBEL_GAIN = 4.0                # Sobel's response to a step of one grey level
-WEAK, STRONG = 1, 2             # what an edge pixel is in the edge map
-MORE = STRONG - WEAK
+GAIN = 64               # units of dx and dy for a step of one grey level: 1.5 bits above noise of .5
+WEAK, STRONG, VISITED = 1, 2, 4     # edge pixels in the edge map; VISITED: part of a chain
+
+
+@inlined
+def _sobel_row(above: np.ndarray, here: np.ndarray, below: np.ndarray, dx: np.ndarray,
+               dy: np.ndarray) -> None:
+    """Write the Sobel gradients of one row, but for its first and last pixel."""
+    scale, half = np.float32(GAIN / 4), np.float32(0.5)
+    out_x, out_y = dx[1:-1], dy[1:-1]
+    for i in range(len(out_x)):
+        left = above[i] + here[i] + here[i] + below[i]
+        right = above[i + 2] + here[i + 2] + here[i + 2] + below[i + 2]
+        up = above[i] + above[i + 1] + above[i + 1] + above[i + 2]
+        down = below[i] + below[i + 1] + below[i + 1] + below[i + 2]
+        x, y = scale * (right - left), scale * (down - up)
+        out_x[i] = np.int16(x + math.copysign(half, x))
+        out_y[i] = np.int16(y + math.copysign(half, y))
+
+
+@inlined
+def _sobel_at_border(above: np.ndarray, here: np.ndarray, below: np.ndarray, dx: np.ndarray,
+                     dy: np.ndarray) -> None:
+    """Write the Sobel gradients of the first and last pixel of a row that continues linearly."""
+    last = len(dx) - 1
+    for at, inner, sign in ((0, 1, 1), (last, last - 1, -1)):
+        rise = above[inner] - above[at] + 2 * (here[inner] - here[at]) + below[inner] - below[at]
+        dx[at] = np.int16(round(sign * GAIN / 2 * rise))
+        dy[at] = np.int16(round(GAIN * (below[at] - above[at])))
+
+
+@compiled
+def _sobel(blurred: np.ndarray, dx: np.ndarray, dy: np.ndarray) -> None:
+    """Write the Sobel gradients of an image of (H, W) float32, which continues linearly outside."""
+    height, width = blurred.shape
+    for row in range(height):
+        above, below = blurred[max(row - 1, 0)], blurred[min(row + 1, height - 1)]
+        _sobel_row(above, blurred[row], below, dx[row], dy[row])
+        _sobel_at_border(above, blurred[row], below, dx[row], dy[row])
 
 
 def gradients(gray: np.ndarray, blur_sigma: float, blurred: np.ndarray,
@@ -30,10 +66,12 @@ def gradients(gray: np.ndarray, blur_sigma: float, blurred: np.ndarray,
     """
     if blur_sigma > 0:
         side = 2 * max(1, math.ceil(1.6 * blur_sigma)) + 1
-        gray = cv2.GaussianBlur(gray, (side, side), blur_sigma, blurred,
-                                borderType=cv2.BORDER_REPLICATE)
-    cv2.spatialGradient(gray, dx, dy, ksize=3, borderType=cv2.BORDER_REPLICATE)
-    for outermost in (dx[:, 0], dx[:, -1], dy[0], dy[-1]):
+        kernel = cv2.getGaussianKernel(side, blur_sigma, cv2.CV_32F)
+        cv2.sepFilter2D(gray, cv2.CV_32F, kernel, kernel, blurred, borderType=cv2.BORDER_REPLICATE)
+    else:
+        blurred[:] = gray
+    _sobel(blurred, dx, dy)
+    for outermost in (dy[0], dy[-1]):
         np.multiply(outermost, 2, outermost)
 
 
@@ -41,7 +79,7 @@ def gradients(gray: np.ndarray, blur_sigma: float, blurred: np.ndarray,
 def _magnitude(gx: int, gy: int) -> np.float32:
     """Return the gradient's magnitude in grey levels."""
     x, y = np.float32(gx), np.float32(gy)
-    return np.float32(1 / SOBEL_GAIN) * np.float32(math.sqrt(x * x + y * y))
+    return np.float32(1 / GAIN) * np.float32(math.sqrt(x * x + y * y))
 
 
 @inlined
@@ -65,7 +103,7 @@ def _thin(gx: np.ndarray, gy: np.ndarray, above: np.ndarray, here: np.ndarray, b
         before = ll if across_x else um
         after = rr if across_x else dm
         edge = (m > before) & (m >= after) & (m >= low)
-        out[i] = np.uint8(edge) * np.uint8(WEAK) + np.uint8(edge & (m >= high)) * np.uint8(MORE)
+        out[i] = np.uint8(edge) * np.uint8(WEAK) + np.uint8(edge & (m >= high)) * np.uint8(STRONG - WEAK)
         found += np.int32(edge)
     return found
 
@@ -111,14 +149,31 @@ def find(dx: np.ndarray, dy: np.ndarray, low: float, high: float, magnitudes: np
     return count
 
 
+@inlined
+def offset_of(dx: np.ndarray, dy: np.ndarray, width: int,
+              at: int) -> tuple[np.float32, np.float32]:
+    """
+    Return where an edge lies, relative to the centre of its edge pixel, x and y, px (Devernay).
+
+    The parabola through the magnitudes at the pixel and at the two neighbours along x or y that it
+    was compared with has its maximum there.  ``dx`` and ``dy`` are (H W,), ``at`` is y width + x.
+    """
+    gx, gy = np.float32(dx[at]), np.float32(dy[at])
+    across_x = abs(gx) >= abs(gy)
+    step = 1 if across_x else width
+    a, b, c = (_magnitude(dx[at - step], dy[at - step]), _magnitude(dx[at], dy[at]),
+               _magnitude(dx[at + step], dy[at + step]))
+    # Below 0, since a < b >= c.
+    offset = np.float32(0.5) * (a - c) / (a - b + (c - b))
+    zero = np.float32(0)
+    return offset if across_x else zero, zero if across_x else offset
+
+
 @compiled
 def locate(dx: np.ndarray, dy: np.ndarray, width: int, pixels: np.ndarray, n: int,
            points: np.ndarray) -> None:
     """
-    Find the subpixel positions of edge pixels, after Devernay, and the gradients there.
-
-    The gradient's magnitude at the pixel and at the two neighbours along x or y that it was
-    compared with is taken for a parabola; its maximum lies on the edge.
+    Find the subpixel positions of edge pixels, and the gradients there.
 
     Parameters
     ----------
@@ -129,21 +184,14 @@ def locate(dx: np.ndarray, dy: np.ndarray, width: int, pixels: np.ndarray, n: in
     pixels, n
         (E,) int32, of which the first n are edge pixels: y width + x.
     points
-        (4, E) float32, takes the positions x and y, px, and the gradient in grey levels.
+        (4, E) float32, receives the positions x and y, px, and the gradients, grey levels.
 
     """
-    half, zero, scale = np.float32(0.5), np.float32(0), np.float32(1 / SOBEL_GAIN)
-    rows = 1 / width
+    scale, rows = np.float32(1 / GAIN), 1 / width
     for i in range(n):
         at = pixels[i]
-        gx, gy = np.float32(dx[at]), np.float32(dy[at])
-        across_x = abs(gx) >= abs(gy)
-        step = 1 if across_x else width
-        a, b, c = (_magnitude(dx[at - step], dy[at - step]), _magnitude(dx[at], dy[at]),
-                   _magnitude(dx[at + step], dy[at + step]))
-        # Below 0, since a < b >= c.
-        offset = half * (a - c) / (a - b + (c - b))
-        y = int((at + 0.5) * rows)      # exact for any number of 32 bits, and no division
-        points[0, i] = np.float32(at - y * width) + (offset if across_x else zero)
-        points[1, i] = np.float32(y) + (zero if across_x else offset)
-        points[2, i], points[3, i] = scale * gx, scale * gy
+        x, y = offset_of(dx, dy, width, at)
+        row = int((at + 0.5) * rows)    # exact for any number of 32 bits, without a division
+        points[0, i] = np.float32(at - row * width) + x
+        points[1, i] = np.float32(row) + y
+        points[2, i], points[3, i] = scale * np.float32(dx[at]), scale * np.float32(dy[at])

@@ -12,7 +12,7 @@ import numpy as np
 
 from qflsd_ros.core import circle
 from qflsd_ros.core.compilation import inlined
-from qflsd_ros.core.detection.edges import SOBEL_GAIN
+from qflsd_ros.core.detection.edges import GAIN
 from qflsd_ros.core.detection.frame import Frame
 from qflsd_ros.core.detection.validation import NOISE_ALIGNED
 
@@ -28,7 +28,7 @@ def _continues(frame: Frame, x: float, y: float, tx: float, ty: float) -> bool:
         return False
     if frame.region.masked and not frame.region.seen[row, column]:
         return False
-    gx, gy = frame.dx[row, column] / SOBEL_GAIN, frame.dy[row, column] / SOBEL_GAIN
+    gx, gy = frame.dx[row, column] / GAIN, frame.dy[row, column] / GAIN
     size = math.sqrt(gx * gx + gy * gy)
     aligned = abs(gx * tx + gy * ty) <= TURNED * size + NOISE_ALIGNED * frame.noise
     return size >= frame.high and aligned

@@ -41,9 +41,9 @@ def _fits(model: Model, points: np.ndarray, i: int, tolerance: float) -> bool:
 
 
 @inlined
-def _run(model: Model, points: np.ndarray, bounds: Span, middle: int, tolerance: float) -> Span:
-    """Return the longest run around a point, within bounds, that fits the model."""
-    lo = hi = middle
+def _run(model: Model, points: np.ndarray, bounds: Span, around: Span, tolerance: float) -> Span:
+    """Return the longest run around the middle of a span, within bounds, that fits the model."""
+    lo, hi = (around[0] + around[1]) // 2, (around[0] + around[1] + 1) // 2
     while hi < bounds[1] and _fits(model, points, hi + 1, tolerance):
         hi += 1
     while lo > bounds[0] and _fits(model, points, lo - 1, tolerance):
@@ -72,32 +72,47 @@ def _model(points: np.ndarray, window: Span, limits: Limits) -> tuple[Model, flo
 def _hypothesis(points: np.ndarray, bounds: Span, window: Span, limits: Limits) -> Span:
     """Return the run within bounds that fits the circle through a window, or NO_RUN."""
     begin, end = window
-    middle = (begin + end) // 2
+    middle, quarter = (begin + end) // 2, (end - begin) // 4
     (raw, ox, oy), square = _model(points, window, limits)
     farthest = 0.0
-    for i in (middle, (begin + middle) // 2, (middle + end) // 2):
+    for i in (middle, begin + quarter, end - quarter):
         off = circle.value(raw, points[0, i] - ox, points[1, i] - oy)
         farthest = max(farthest, off * off)
     if not farthest < limits.tolerance * limits.tolerance * square:
         return NO_RUN
     model = (circle.normalised(raw, square), ox, oy)
-    return _run(model, points, bounds, middle, limits.tolerance)
+    return _run(model, points, bounds, window, limits.tolerance)
+
+
+@inlined
+def _begin(bounds: Span, span: int, i: int, steps: int) -> int:
+    """Return where window i of 0 to ``steps``, an odd number, begins: the same from both ends."""
+    room = bounds[1] + 1 - bounds[0] - span
+    if 2 * i < steps:
+        return bounds[0] + i * room // steps
+    return bounds[1] + 1 - span - (steps - i) * room // steps
+
+
+@inlined
+def _strength(points: np.ndarray, lo: int, hi: int) -> float:
+    """Return the squared gradients at both ends of a run, which decide between equal lengths."""
+    return float(points[2, lo] ** 2 + points[3, lo] ** 2 + points[2, hi] ** 2 + points[3, hi] ** 2)
 
 
 @inlined
 def _longest(points: np.ndarray, bounds: Span, span: int, limits: Limits) -> Span:
     """Return the longest run that a window of ``span`` points finds within bounds."""
-    first, last = bounds
     best_lo, best_hi = NO_RUN
-    begin = first
-    while True:
-        begin = min(begin, last - span + 1)
+    # At most half a span from one window to the next.
+    steps = 2 * (bounds[1] + 1 - bounds[0] - span) // span | 1
+    for i in range(steps + 1):
+        begin = _begin(bounds, span, i, steps)
         lo, hi = _hypothesis(points, bounds, (begin, begin + span - 1), limits)
-        if hi - lo > best_hi - best_lo:
+        longer = (hi - lo) - (best_hi - best_lo)
+        if longer > 0 or longer == 0 and _strength(points, lo, hi) > _strength(points, best_lo,
+                                                                               best_hi):
             best_lo, best_hi = lo, hi
-        if begin == last - span + 1:
-            return best_lo, best_hi
-        begin = max(begin + span // 2, best_hi + 1 - span // 2)
+    return best_lo, best_hi
 
 
 @compiled
@@ -108,7 +123,7 @@ def _refit(points: np.ndarray, bounds: Span, run: Span, limits: Limits, fits: np
     if not circle.fit(points, run, 0.0, limits.free_bend, fits, row):
         return NO_RUN
     model = (circle.curve(fits, row), fits[row, circle.X0], fits[row, circle.Y0])
-    lo, hi = _run(model, points, bounds, (lo + hi) // 2, limits.tolerance)
+    lo, hi = _run(model, points, bounds, run, limits.tolerance)
     if (lo, hi) != run and not circle.fit(points, (lo, hi), 0.0, limits.free_bend, fits, row):
         return NO_RUN
     bend = 2 * abs(fits[row, circle.A])
@@ -125,6 +140,12 @@ def _refit(points: np.ndarray, bounds: Span, run: Span, limits: Limits, fits: np
 
 
 @inlined
+def _odd(n: int) -> int:
+    """Return the largest odd number up to n: a window of so many points has a middle."""
+    return n - 1 + n % 2
+
+
+@inlined
 def _arc(points: np.ndarray, bounds: Span, span: int, limits: Limits, fits: np.ndarray,
          row: int) -> tuple[Span, int]:
     """
@@ -132,17 +153,17 @@ def _arc(points: np.ndarray, bounds: Span, span: int, limits: Limits, fits: np.n
 
     Spans are halved, beginning with the given one.
     """
-    shortest = limits.min_points
-    span = min(span, bounds[1] - bounds[0] + 1)
+    shortest = _odd(limits.min_points)
+    span = _odd(min(span, bounds[1] - bounds[0] + 1))
     while span >= shortest:
         lo, hi = _longest(points, bounds, span, limits)
         if hi - lo + 1 >= span:
             lo, hi = _refit(points, bounds, (lo, hi), limits, fits, row)
-            if hi - lo + 1 >= shortest:
+            if hi - lo + 1 >= limits.min_points:
                 return (lo, hi), span
         if span == shortest:
             break
-        span = max(span // 2, shortest)
+        span = max(_odd(span // 2), shortest)
     return NO_RUN, span
 
 
@@ -155,7 +176,7 @@ def extract(points: np.ndarray, offsets: np.ndarray, limits: Limits, todo: np.nd
     Parameters
     ----------
     points
-        (2, E) float32, x and y of the points of all chains, px.
+        (4, E) float32, x and y of the points of all chains, px, and the gradients there.
     offsets
         (chains + 1,) int64: the first point of each chain, and the number of points.
     limits

@@ -1,13 +1,14 @@
 """
-One arc from several pieces: across junctions, gaps, occlusions and flips of polarity.
+Joining: one arc from several pieces, across junctions, gaps, occlusions and flips of polarity.
 
-A piece is stood for by three points on its fit, at the nodes of Gauss-Legendre quadrature, with
-its edge points shared out to them by the weights of the quadrature.  They have the same moments up
-to the fifth order as the edge points themselves, so that the least squares of a joined arc over
-its pieces' nodes is that over all its edge points, at a cost that does not depend on their number.
+Three points represent a piece: the nodes of Gauss-Legendre quadrature on its fit, with its edge
+points distributed to them by the weights of the quadrature.  They have the same moments up to the
+fifth order as the edge points, so that the least squares of a joined arc over the nodes of its
+pieces is that over all its edge points, at a cost that does not depend on their number.
 
-The longest piece comes first, is extended at both ends by the nearest piece that fits, again and
-again, and is taken out; then the next longest.
+All pairs of ends that face each other are candidates.  The cheapest pair of the image is joined
+first; the two outer ends of the new arc then look for partners again.  The result does not depend
+on the order of the pieces.
 """
 from __future__ import annotations
 
@@ -19,9 +20,10 @@ import numpy as np
 from qflsd_ros.core import circle
 from qflsd_ros.core.circle import FIT_SIZE
 from qflsd_ros.core.compilation import compiled, inlined
-from qflsd_ros.core.detection.edges import SOBEL_GAIN
+from qflsd_ros.core.detection.edges import GAIN
 from qflsd_ros.core.detection.frame import Frame, Limits
 from qflsd_ros.core.detection.grid import cell, gap_to, Grid, OVERLAP, sort_ends
+from qflsd_ros.core.detection.heap import Heap, ITEM, pop, push
 from qflsd_ros.core.detection.order import longest_first
 
 NODES = 3
@@ -36,6 +38,7 @@ MISFIT, MISFIT_SHARE, MISFIT_BY_NOISE = 0.25, 0.004, 5.0
 MAX_TURN = 3.0         # radians; the picture of a straight edge never turns by more than 3.14
 LEEWAY = 1.8            # tolerances by which a node may lie off the joined arc
 MISFIT_COST = 8.0       # px of gap that weigh as much as 1 px of misfit
+FLIP_COST = 30.0        # px of gap that weigh as much as a change of polarity
 ALIGNED = math.cos(math.radians(22.5))      # of the angle between gradient and normal in a gap
 FAINTEST = 1.0          # grey levels, of a gradient that counts in a gap
 FREE = 8.0              # px, longest gap that needs no evidence
@@ -59,31 +62,58 @@ class Pieces(NamedTuple):
 
 
 class Joined(NamedTuple):
-    """N arcs, each a row of pieces in order of travel."""
+    """N arcs, each a sequence of pieces in order of travel."""
 
     members: np.ndarray     # (M, 2) int64: piece, and 1 where it is travelled from end to start
     offsets: np.ndarray     # (N + 1,) int64: where in members each arc begins
     fits: np.ndarray        # (N, FIT_SIZE) float64
 
 
-class Making(NamedTuple):
-    """The arc in the making: row ``arcs`` of the fits, and the row after it to try in."""
+class Arcs(NamedTuple):
+    """The arcs during joining, up to M; an end is 2 piece + side."""
 
-    nodes: np.ndarray       # (3, N) float64, x, y and weight of its pieces' nodes, in order
-    total: np.ndarray       # (3,) float64, the sums of its pieces, and the gaps in its length
-    fits: np.ndarray        # (N + 1, FIT_SIZE) float64
+    mate: np.ndarray        # (2 M,) int64: the end that an end is joined to; itself if to none
+    arc: np.ndarray         # (2 M,) int64: the arc of an outer end
+    outer: np.ndarray       # (M, 2) int64: the two outer ends of an arc
+    stamp: np.ndarray       # (M,) int64: changes when the arc does
+    sums: np.ndarray        # (M, 3) float64: as in Pieces, and the gaps in its length
+    fits: np.ndarray        # (M, FIT_SIZE) float64
+
+
+class Trial(NamedTuple):
+    """Memory for one pair of arcs."""
+
+    nodes: np.ndarray       # (3, NODES M) float64: x, y and weight of the nodes, in order
+    fit: np.ndarray         # (1, FIT_SIZE) float64
+
+
+class Scene(NamedTuple):
+    """All that joining works on."""
+
+    pieces: Pieces
+    grid: Grid
+    arcs: Arcs
+    trial: Trial
+    heap: Heap
+    frame: Frame
 
 
 class Memory:
-    """What is needed to join up to ``most`` pieces, kept from frame to frame."""
+    """Memory to join up to ``most`` pieces, kept from frame to frame."""
 
     def __init__(self, most: int) -> None:
         self.ends, self.nodes = np.empty((2 * most, 4)), np.empty((most, NODES, 2))
-        self.sums, self.taken = np.empty((most, 3)), np.empty(most, np.bool_)
+        self.sums = np.empty((most, 3))
         self.order, self.places = np.empty(2 * most, np.int64), np.empty((2 * most, 4))
-        self.nodes_of_arc, self.total = np.empty((3, NODES * most)), np.empty(3)
+        self.arcs = Arcs(np.empty(2 * most, np.int64), np.empty(2 * most, np.int64),
+                         np.empty((most, 2), np.int64), np.empty(most, np.int64),
+                         np.empty((most, 3)), np.empty((most, FIT_SIZE)))
+        self.trial = Trial(np.empty((3, NODES * most)), np.empty((1, FIT_SIZE)))
+        # Each end is once in the heap, and the outer ends of each joined arc again.
+        self.heap = Heap(np.empty(4 * most), np.empty((4 * most, ITEM), np.int64),
+                         np.zeros(1, np.int64))
         self.members, self.offsets = np.empty((most, 2), np.int64), np.empty(most + 1, np.int64)
-        self.fits = np.empty((most + 1, FIT_SIZE))
+        self.fits = np.empty((most, FIT_SIZE))
 
 
 @inlined
@@ -123,58 +153,80 @@ def describe(points: np.ndarray, runs: np.ndarray, fits: np.ndarray, memory: Mem
 
 
 @inlined
-def _append(pieces: Pieces, piece: int, side: int, arc: Making, n: int) -> int:
-    """Write the nodes of a piece, from its given side on, to columns n on; return the new n."""
-    for k in range(NODES):
-        j = k if side == 0 else NODES - 1 - k
-        arc.nodes[0, n + k] = pieces.nodes[piece, j, 0]
-        arc.nodes[1, n + k] = pieces.nodes[piece, j, 1]
-        arc.nodes[2, n + k] = NODE_WEIGHT[k] * pieces.sums[piece, COUNT]
-    return n + NODES
+def _copy(source: np.ndarray, i: int, target: np.ndarray, j: int) -> None:
+    """Copy row i of one array to row j of another."""
+    for column in range(source.shape[1]):
+        target[j, column] = source[i, column]
 
 
 @inlined
-def _fit(arc: Making, n: int, residual: float, row: int, limits: Limits) -> bool:
-    """Fit the first n nodes of an arc; see :func:`circle.fit`."""
-    return circle.fit(arc.nodes, (0, n - 1), residual, limits.bend, arc.fits, row)
+def _append(scene: Scene, end: int, outward: bool, n: int) -> int:
+    """
+    Write the nodes of an arc to the trial, from column n on; return the new n.
+
+    The arc is travelled to the outer ``end``, or from it if not ``outward``.
+    """
+    pieces, nodes, mate = scene.pieces, scene.trial.nodes, scene.arcs.mate
+    outer = scene.arcs.outer[scene.arcs.arc[end]]
+    e = end
+    if outward:
+        e = outer[1] if outer[0] == end else outer[0]
+    while True:
+        piece, side = e // 2, e % 2
+        for k in range(NODES):
+            j = k if side == 0 else NODES - 1 - k
+            nodes[0, n + k] = pieces.nodes[piece, j, 0]
+            nodes[1, n + k] = pieces.nodes[piece, j, 1]
+            nodes[2, n + k] = NODE_WEIGHT[k] * pieces.sums[piece, COUNT]
+        n += NODES
+        far = 2 * piece + 1 - side
+        if mate[far] == far:
+            return n
+        e = mate[far]
 
 
 @inlined
-def _farthest(arc: Making, which: int, first: int, last: int) -> float:
+def _farthest(fits: np.ndarray, which: int, nodes: np.ndarray, first: int, last: int) -> float:
     """Return the largest distance of nodes first to last - 1 from a fit, px."""
-    farthest, fits = 0.0, arc.fits
+    farthest = 0.0
     for k in range(first, last):
-        farthest = max(farthest, abs(circle.value_at(fits, which, arc.nodes[0, k],
-                                                     arc.nodes[1, k])))
+        farthest = max(farthest, abs(circle.value_at(fits, which, nodes[0, k], nodes[1, k])))
     return farthest
 
 
 @compiled
-def _evidence(fits: np.ndarray, which: int, x0: float, y0: float, x1: float, y1: float,
-              frame: Frame) -> float:
+def _evidence(scene: Scene, e: int, f: int) -> float:
     """
-    Return how far the gradients in the gap between two ends speak for an edge there, 0 to 1.
+    Return how much the gradients in the gap between two ends support the joined arc, -1 to 1.
 
-    It is the share of the pixels whose gradient is at right angles to the arc and points to one
-    side of it, less the share of those that point to the other; -1 where a pixel is not seen.
+    It is the share of the pixels whose gradient is normal to the arc and has the polarity of the
+    ends, less the share of those with the opposite polarity.  Between ends of different polarity,
+    either polarity counts.  It is -1 if a pixel is masked.
     """
+    ends, fit, frame = scene.pieces.ends, scene.trial.fit, scene.frame
+    x0, y0, x1, y1 = ends[e, 0], ends[e, 1], ends[f, 0], ends[f, 1]
     steps = max(2, int(math.sqrt((x1 - x0) ** 2 + (y1 - y0) ** 2)))
-    ox, oy, a, b, c, d = (fits[which, 0], fits[which, 1], fits[which, 2], fits[which, 3],
-                          fits[which, 4], fits[which, 5])
     step_x, step_y = (x1 - x0) / steps, (y1 - y0) / steps
     votes = 0
     for i in range(1, steps):
-        x, y = x0 + i * step_x - ox, y0 + i * step_y - oy
-        nx, ny, off = 2 * a * x + b, 2 * a * y + c, circle.value((a, b, c, d), x, y)
-        row = min(max(int(oy + y - off * ny + 0.5), 0), frame.dx.shape[0] - 1)
-        column = min(max(int(ox + x - off * nx + 0.5), 0), frame.dx.shape[1] - 1)
+        x, y = x0 + i * step_x, y0 + i * step_y
+        nx, ny = circle.normal_at(fit, 0, x, y)
+        off = circle.value_at(fit, 0, x, y)
+        row = min(max(int(y - off * ny + 0.5), 0), frame.dx.shape[0] - 1)
+        column = min(max(int(x - off * nx + 0.5), 0), frame.dx.shape[1] - 1)
         if frame.region.masked and not frame.region.seen[row, column]:
             return -1.0
         gx, gy = float(frame.dx[row, column]), float(frame.dy[row, column])
         across, square = gx * nx + gy * ny, gx * gx + gy * gy
         aligned = across * across > ALIGNED ** 2 * square
-        votes += (aligned & (square > (SOBEL_GAIN * FAINTEST) ** 2)) * (1 if across > 0 else -1)
-    return abs(votes) / (steps - 1)
+        # The brighter side is on the right of a piece, which is travelled from start to end.
+        right = nx * step_y < ny * step_x
+        votes += ((aligned & (square > (GAIN * FAINTEST) ** 2))
+                  * (1 if (across > 0) == right else -1))
+    share = votes / (steps - 1)
+    if e % 2 == f % 2:
+        return abs(share)
+    return share if e % 2 == 1 else -share
 
 
 @inlined
@@ -190,185 +242,220 @@ def _is_straight(fits: np.ndarray, i: int, length: float, limits: Limits) -> boo
 
 
 @inlined
-def _bends(pieces: Pieces, other: int, gap: float, arc: Making, now: int, limits: Limits) -> bool:
-    """Tell whether a piece and an arc, each of a straight edge, are not of one and the same."""
-    size, whole = pieces.sums[other, SIZE], arc.total[SIZE] + gap + pieces.sums[other, SIZE]
-    return (circle.is_known(limits.bend.lens) and not _is_straight(arc.fits, now + 1, whole, limits)
-            and _is_straight(arc.fits, now, arc.total[SIZE], limits)
-            and _is_straight(pieces.fits, other, size, limits))
+def _bends(arcs: Arcs, a: int, b: int, gap: float, trial: Trial, limits: Limits) -> bool:
+    """Return whether two arcs are images of lines, but not of the same line."""
+    whole = arcs.sums[a, SIZE] + gap + arcs.sums[b, SIZE]
+    return (circle.is_known(limits.bend.lens) and not _is_straight(trial.fit, 0, whole, limits)
+            and _is_straight(arcs.fits, a, arcs.sums[a, SIZE], limits)
+            and _is_straight(arcs.fits, b, arcs.sums[b, SIZE], limits))
 
 
 @inlined
-def _misfit(pieces: Pieces, other: int, residual: float, arc: Making,
-            now: int) -> tuple[float, float]:
+def _misfit(sums: np.ndarray, a: int, b: int, rss: float) -> tuple[float, float]:
     """
-    Return the rms distance of the shorter piece from the joined arc, and what it may be, px.
+    Return the rms distance of the smaller of two arcs from the joined one, and its limit, px.
 
-    ``residual`` is the sum of squares that arc and piece have by themselves.
+    ``rss`` is the residual sum of squares of the joined arc.
     """
-    fewer = min(arc.total[COUNT], pieces.sums[other, COUNT])
-    more = max(0.0, arc.fits[now + 1, circle.RSS] - residual)
-    imperfect = MISFIT + MISFIT_SHARE * arc.total[SIZE]
-    variance = residual / (arc.total[COUNT] + pieces.sums[other, COUNT]) / fewer
+    residual = sums[a, RSS] + sums[b, RSS]
+    fewer = min(sums[a, COUNT], sums[b, COUNT])
+    more = max(0.0, rss - residual)
+    imperfect = MISFIT + MISFIT_SHARE * max(sums[a, SIZE], sums[b, SIZE])
+    variance = residual / (sums[a, COUNT] + sums[b, COUNT]) / fewer
     return (math.sqrt(more / fewer),
             math.sqrt(imperfect * imperfect + MISFIT_BY_NOISE ** 2 * variance))
 
 
-@inlined
-def _cost(pieces: Pieces, other: int, side: int, gap: float, arc: Making, n: int, now: int,
-          limits: Limits) -> float:
-    """Return what joining a piece to an arc costs, px, or inf; writes the fit behind the arc's."""
-    k = _append(pieces, other, side, arc, n)
-    size = pieces.sums[other, SIZE]
-    # The farther a piece reaches beyond the arc so far, the less that says where it should be.
-    lever = 1 + (gap + size) / arc.total[SIZE]
+@compiled
+def _cost(scene: Scene, e: int, f: int, gap: float, limits: Limits) -> float:
+    """Return the cost of joining two outer ends, px, or inf; leaves the fit in the trial."""
+    arcs, trial = scene.arcs, scene.trial
+    a, b = arcs.arc[e], arcs.arc[f]
+    middle = _append(scene, e, True, 0)
+    n = _append(scene, f, False, middle)
+    a_longer = arcs.sums[a, SIZE] >= arcs.sums[b, SIZE]
+    longer, shorter = (a, b) if a_longer else (b, a)
+    # The extrapolation of the longer arc becomes uncertain with the distance.
+    lever = 1 + (gap + arcs.sums[shorter, SIZE]) / arcs.sums[longer, SIZE]
     off = LEEWAY * limits.tolerance
-    if _farthest(arc, now, n, k) > off * (1 + 2 * lever * lever):
+    first, last = (middle, n) if a_longer else (0, middle)
+    if _farthest(arcs.fits, longer, trial.nodes, first, last) > off * (1 + 2 * lever * lever):
         return np.inf
-    residual = arc.total[RSS] + pieces.sums[other, RSS]
-    if not _fit(arc, k, residual, now + 1, limits):
+    residual = arcs.sums[a, RSS] + arcs.sums[b, RSS]
+    if not circle.fit(trial.nodes, (0, n - 1), residual, limits.bend, trial.fit, 0):
         return np.inf
-    if 2 * abs(arc.fits[now + 1, circle.A]) * (arc.total[SIZE] + gap + size) > MAX_TURN:
+    whole = arcs.sums[a, SIZE] + gap + arcs.sums[b, SIZE]
+    rss = trial.fit[0, circle.RSS]
+    if (2 * abs(trial.fit[0, circle.A]) * whole > MAX_TURN
+            or rss > limits.tolerance ** 2 * trial.fit[0, circle.COUNT]):
         return np.inf
-    if arc.fits[now + 1, circle.RSS] > limits.tolerance ** 2 * arc.fits[now + 1, circle.COUNT]:
+    misfit, most = _misfit(arcs.sums, a, b, rss)
+    if (misfit > most or _farthest(trial.fit, 0, trial.nodes, 0, n) > off
+            or _bends(arcs, a, b, gap, trial, limits)):
         return np.inf
-    misfit, most = _misfit(pieces, other, residual, arc, now)
-    if misfit > most or _farthest(arc, now + 1, 0, k) > off:
-        return np.inf
-    if _bends(pieces, other, gap, arc, now, limits):
-        return np.inf
-    return gap + MISFIT_COST * misfit
+    return gap + MISFIT_COST * misfit + (FLIP_COST if e % 2 == f % 2 else 0.0)
 
 
 @inlined
-def _needed(pieces: Pieces, other: int, gap: float, arc: Making, now: int,
-            limits: Limits) -> float:
-    """Return the evidence that the gap, px, between an arc and a piece needs."""
+def _needed(arcs: Arcs, a: int, b: int, gap: float, trial: Trial, limits: Limits) -> float:
+    """Return the evidence that a gap, px, between two arcs needs."""
     if gap <= FREE:
         return 0.0
-    size = pieces.sums[other, SIZE]
-    shorter = min(size, arc.total[SIZE])
+    shorter = min(arcs.sums[a, SIZE], arcs.sums[b, SIZE])
     needed = max(0.0, min(EVIDENCE, EVIDENCE_SLOPE * (gap / shorter - FREE_SHARE)))
-    if circle.is_known(limits.bend.lens) and _is_straight(arc.fits, now + 1,
-                                                   arc.total[SIZE] + gap + size, limits):
+    whole = arcs.sums[a, SIZE] + gap + arcs.sums[b, SIZE]
+    if circle.is_known(limits.bend.lens) and _is_straight(trial.fit, 0, whole, limits):
         return EASE * needed
     return needed
 
 
 @inlined
-def _partner(pieces: Pieces, grid: Grid, taken: np.ndarray, arc: Making, n: int, now: int,
-             tip: tuple[float, float, float, float], limits: Limits, frame: Frame) -> tuple[int, float]:
-    """Return the end (2 piece + side, or -1) that continues an arc best, and the gap to it."""
-    size = arc.total[SIZE]
-    reach = min(limits.max_gap, 2 * GAP_SHARE * size)
-    x, y, tx, ty = tip
-    left = cell(min(x, x + reach * tx) - OVERLAP, grid.columns)
-    right = cell(max(x, x + reach * tx) + OVERLAP, grid.columns)
-    best, best_gap, best_cost = -1, np.inf, np.inf
-    for r in range(cell(min(y, y + reach * ty) - OVERLAP, grid.rows),
-                   cell(max(y, y + reach * ty) + OVERLAP, grid.rows) + 1):
-        row = r * grid.columns
-        for k in range(grid.begins[row + left], grid.begins[row + right + 1]):
-            gap = gap_to(tip, grid, k, min(reach, best_cost))
-            if gap == np.inf:
-                continue
-            other = grid.order[k] // 2
-            if taken[other] or gap > GAP_SHARE * (size + pieces.sums[other, SIZE]):
-                continue
-            cost = _cost(pieces, other, grid.order[k] % 2, gap, arc, n, now, limits)
-            if cost >= best_cost:
-                continue
-            found = _evidence(arc.fits, now + 1, x, y, grid.places[k, 0], grid.places[k, 1],
-                              frame)
-            if found >= _needed(pieces, other, gap, arc, now, limits):
-                best, best_gap, best_cost = grid.order[k], gap, cost
-    return best, best_gap
-
-
-@inlined
-def _begin(pieces: Pieces, seed: int, arc: Making, now: int, limits: Limits) -> int:
-    """Make an arc of one piece; return the number of its nodes."""
-    n = _append(pieces, seed, 0, arc, 0)
-    for k in range(3):
-        arc.total[k] = pieces.sums[seed, k]
-    for k in range(FIT_SIZE):
-        arc.fits[now, k] = pieces.fits[seed, k]
-    # As the lens bends it, unless its points lie too far off that.
-    if (circle.is_known(limits.bend.lens) and _fit(arc, n, arc.total[RSS], now + 1, limits)
-            and arc.fits[now + 1, circle.RSS] <= limits.tolerance ** 2 * arc.fits[now + 1, circle.COUNT]):
-        for k in range(FIT_SIZE):
-            arc.fits[now, k] = arc.fits[now + 1, k]
-    return n
-
-
-@inlined
-def _take(pieces: Pieces, piece: int, side: int, gap: float, arc: Making, n: int, now: int,
-          limits: Limits) -> int:
-    """Add a piece, travelled from its given side on, to an arc; return the number of its nodes."""
-    n = _append(pieces, piece, side, arc, n)
-    for k in range(3):
-        arc.total[k] += pieces.sums[piece, k]
-    arc.total[SIZE] += gap
-    _fit(arc, n, arc.total[RSS], now, limits)
-    return n
-
-
-@inlined
-def _tip(ends: np.ndarray, e: int, fits: np.ndarray, now: int,
-         alone: bool) -> tuple[float, float, float, float]:
-    """Return the end of an arc, and its outward tangent, where the end e of a piece is."""
-    if alone:
+def _tip(scene: Scene, e: int) -> tuple[float, float, float, float]:
+    """Return an outer end of an arc, and its outward tangent."""
+    ends, arcs, a = scene.pieces.ends, scene.arcs, scene.arcs.arc[e]
+    if arcs.outer[a, 0] // 2 == arcs.outer[a, 1] // 2:
         return ends[e, 0], ends[e, 1], ends[e, 2], ends[e, 3]
-    x, y, tx, ty = circle.foot(fits, now, ends[e, 0], ends[e, 1])
+    x, y, tx, ty = circle.foot(arcs.fits, a, ends[e, 0], ends[e, 1])
     if tx * ends[e, 2] + ty * ends[e, 3] < 0:
         return x, y, -tx, -ty
     return x, y, tx, ty
 
 
+@compiled
+def _partner(scene: Scene, e: int, limits: Limits) -> tuple[int, float]:
+    """Return the cheapest end to join an outer end to, or -1, and the cost."""
+    arcs, grid = scene.arcs, scene.grid
+    a = arcs.arc[e]
+    size, single = arcs.sums[a, SIZE], arcs.outer[a, 0] // 2 == arcs.outer[a, 1] // 2
+    # The longer one of two pieces evaluates the pair.
+    reach = min(limits.max_gap, 2 * GAP_SHARE * size) if single else limits.max_gap
+    tip = _tip(scene, e)
+    x, y, tx, ty = tip
+    left = cell(min(x, x + reach * tx) - OVERLAP, grid.columns)
+    right = cell(max(x, x + reach * tx) + OVERLAP, grid.columns)
+    best, best_cost = -1, np.inf
+    for r in range(cell(min(y, y + reach * ty) - OVERLAP, grid.rows),
+                   cell(max(y, y + reach * ty) + OVERLAP, grid.rows) + 1):
+        row = r * grid.columns
+        for k in range(grid.begins[row + left], grid.begins[row + right + 1]):
+            f = grid.order[k]
+            gap = gap_to(tip, grid, k, min(reach, best_cost))
+            if gap == np.inf or arcs.mate[f] != f or arcs.arc[f] == a:
+                continue
+            other = arcs.sums[arcs.arc[f], SIZE]
+            if gap > GAP_SHARE * (size + other) or (single and other > size):
+                continue
+            cost = _cost(scene, e, f, gap, limits)
+            if cost >= best_cost:
+                continue
+            if _evidence(scene, e, f) >= _needed(arcs, a, arcs.arc[f], gap, scene.trial, limits):
+                best, best_cost = f, cost
+    return best, best_cost
+
+
 @inlined
-def _turn_round(nodes: np.ndarray, n: int, members: np.ndarray, first: int, last: int) -> None:
-    """Let an arc, made of ``members`` first to last, be travelled from its other end."""
-    for k in range(n // 2):
-        for row in range(3):
-            nodes[row, k], nodes[row, n - 1 - k] = nodes[row, n - 1 - k], nodes[row, k]
-    for k in range(first, last + 1):
-        members[k, 1] = 1 - members[k, 1]
-    while first < last:
-        for column in range(2):
-            members[first, column], members[last, column] = (
-                members[last, column], members[first, column])
-        first, last = first + 1, last - 1
+def _queue(scene: Scene, e: int, limits: Limits) -> None:
+    """Add the cheapest pair of an outer end to the heap."""
+    f, cost = _partner(scene, e, limits)
+    if f >= 0:
+        arcs = scene.arcs
+        push(scene.heap, cost, (e, f, arcs.stamp[arcs.arc[e]], arcs.stamp[arcs.arc[f]]))
+
+
+@inlined
+def _merge(scene: Scene, e: int, f: int, stamp: int, limits: Limits) -> int:
+    """Join two outer ends; return the arc, which is the first one, with a new stamp."""
+    arcs, trial = scene.arcs, scene.trial
+    a, b = arcs.arc[e], arcs.arc[f]
+    n = _append(scene, f, False, _append(scene, e, True, 0))
+    ends = scene.pieces.ends
+    gap = math.hypot(ends[e, 0] - ends[f, 0], ends[e, 1] - ends[f, 1])
+    for k in range(3):
+        arcs.sums[a, k] += arcs.sums[b, k]
+    arcs.sums[a, SIZE] += gap
+    circle.fit(trial.nodes, (0, n - 1), arcs.sums[a, RSS], limits.bend, arcs.fits, a)
+    first = arcs.outer[a, 1] if arcs.outer[a, 0] == e else arcs.outer[a, 0]
+    last = arcs.outer[b, 1] if arcs.outer[b, 0] == f else arcs.outer[b, 0]
+    arcs.mate[e], arcs.mate[f] = f, e
+    arcs.outer[a, 0], arcs.outer[a, 1] = first, last
+    arcs.arc[first] = arcs.arc[last] = a
+    arcs.stamp[a] = stamp
+    return a
+
+
+@inlined
+def _begin(scene: Scene, limits: Limits) -> None:
+    """Let each piece be an arc."""
+    pieces, arcs, trial = scene.pieces, scene.arcs, scene.trial
+    for i in range(len(pieces.sums)):
+        for side in range(2):
+            e = 2 * i + side
+            arcs.mate[e], arcs.arc[e], arcs.outer[i, side] = e, i, e
+        arcs.stamp[i] = i
+        _copy(pieces.sums, i, arcs.sums, i)
+        _copy(pieces.fits, i, arcs.fits, i)
+        if circle.is_known(limits.bend.lens):
+            # As the lens bends it, unless its points are too far from that.
+            n = _append(scene, 2 * i, False, 0)
+            if (circle.fit(trial.nodes, (0, n - 1), arcs.sums[i, RSS], limits.bend, trial.fit, 0)
+                    and trial.fit[0, circle.RSS]
+                    <= limits.tolerance ** 2 * trial.fit[0, circle.COUNT]):
+                _copy(trial.fit, 0, arcs.fits, i)
 
 
 @compiled
-def _join(pieces: Pieces, grid: Grid, seeds: np.ndarray, taken: np.ndarray, arc: Making,
-          limits: Limits, frame: Frame, members: np.ndarray,
-          offsets: np.ndarray) -> int:
-    """Write the pieces of each arc, and where they begin; return the number of arcs."""
-    arcs = 0
-    offsets[0] = 0
-    for seed in seeds:
-        if taken[seed]:
+def _join(scene: Scene, limits: Limits) -> None:
+    """Join pairs of ends, the cheapest first, until no pair is left."""
+    arcs, heap = scene.arcs, scene.heap
+    _begin(scene, limits)
+    heap.size[0] = 0
+    if limits.max_gap == 0:
+        return
+    count = len(scene.pieces.sums)
+    for i in range(count):
+        if arcs.sums[i, SIZE] >= limits.min_seed:
+            _queue(scene, 2 * i, limits)
+            _queue(scene, 2 * i + 1, limits)
+    stamp = count
+    while heap.size[0] > 0:
+        e, f, stamp_e, stamp_f = pop(heap)
+        if arcs.mate[e] != e or arcs.stamp[arcs.arc[e]] != stamp_e:
             continue
-        taken[seed] = True
-        first = placed = offsets[arcs]
-        members[placed, 0], members[placed, 1] = seed, 0
-        n = _begin(pieces, seed, arc, arcs, limits)
-        for _ in range(2):
-            while limits.max_gap > 0:
-                outer = 2 * members[placed, 0] + 1 - members[placed, 1]
-                tip = _tip(pieces.ends, outer, arc.fits, arcs, placed == first)
-                best, gap = _partner(pieces, grid, taken, arc, n, arcs, tip, limits, frame)
-                if best < 0:
-                    break
-                placed += 1
-                members[placed, 0], members[placed, 1] = best // 2, best % 2
-                taken[best // 2] = True
-                n = _take(pieces, best // 2, best % 2, gap, arc, n, arcs, limits)
-            _turn_round(arc.nodes, n, members, first, placed)
-        arcs += 1
-        offsets[arcs] = placed + 1
-    return arcs
+        if arcs.mate[f] != f or arcs.stamp[arcs.arc[f]] != stamp_f:
+            _queue(scene, e, limits)
+            continue
+        a = _merge(scene, e, f, stamp, limits)
+        stamp += 1
+        _queue(scene, arcs.outer[a, 0], limits)
+        _queue(scene, arcs.outer[a, 1], limits)
+
+
+@compiled
+def _list(arcs: Arcs, order: np.ndarray, members: np.ndarray, offsets: np.ndarray,
+          fits: np.ndarray) -> None:
+    """Write the pieces of arcs in order, where each begins, and their fits."""
+    n = 0
+    offsets[0] = 0
+    for i, a in enumerate(order):
+        e = arcs.outer[a, 0]
+        while True:
+            members[n, 0], members[n, 1] = e // 2, e % 2
+            n += 1
+            far = e + 1 - 2 * (e % 2)
+            if arcs.mate[far] == far:
+                break
+            e = arcs.mate[far]
+        offsets[i + 1] = n
+        _copy(arcs.fits, a, fits, i)
+
+
+@compiled
+def _is_arc(arcs: Arcs, min_seed: float, wanted: np.ndarray) -> None:
+    """Mark the arcs that are long enough and have not become part of others."""
+    for a in range(len(wanted)):
+        e = arcs.outer[a, 0]
+        wanted[a] = (arcs.mate[e] == e and arcs.arc[e] == a
+                     and arcs.sums[a, SIZE] >= min_seed)
 
 
 def join(pieces: Pieces, memory: Memory, frame: Frame, limits: Limits) -> Joined:
@@ -387,10 +474,10 @@ def join(pieces: Pieces, memory: Memory, frame: Frame, limits: Limits) -> Joined
     """
     m = len(pieces.sums)
     grid = sort_ends(pieces.ends, memory.order[:2 * m], memory.places[:2 * m], *frame.dx.shape)
-    lengths = pieces.sums[:, SIZE]
-    seeds = longest_first(lengths, lengths >= limits.min_seed)
-    memory.taken[:m] = False
-    arc = Making(memory.nodes_of_arc, memory.total, memory.fits)
-    arcs = _join(pieces, grid, seeds, memory.taken, arc, limits, frame, memory.members,
-                 memory.offsets)
-    return Joined(memory.members, memory.offsets[:arcs + 1], memory.fits[:arcs])
+    scene = Scene(pieces, grid, memory.arcs, memory.trial, memory.heap, frame)
+    _join(scene, limits)
+    wanted = np.empty(m, np.bool_)
+    _is_arc(memory.arcs, limits.min_seed, wanted)
+    order = longest_first(memory.arcs.sums[:m, SIZE], wanted)
+    _list(memory.arcs, order, memory.members, memory.offsets, memory.fits)
+    return Joined(memory.members, memory.offsets[:len(order) + 1], memory.fits[:len(order)])

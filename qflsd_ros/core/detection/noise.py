@@ -20,8 +20,8 @@ import numpy as np
 from qflsd_ros.core.compilation import compiled, inlined
 from qflsd_ros.core.detection.region import Region, region
 
-HEIGHT, WIDTH = 2, 32   # px, of a block: few rows, which lie far apart in memory
-ROWS, COLUMNS = 12, 16  # of blocks
+HEIGHT, WIDTH = 8, 8    # px, of a block
+ROWS, COLUMNS = 14, 14  # of blocks
 FLATTEST = 0.1          # share of the blocks that are believed to show noise alone
 # Share of the blocks that must show something all over, or else the image has no noise: a quarter
 # of a wide screen is left to an upright film between bars; clean edges alone pass fewer blocks.
@@ -56,6 +56,12 @@ def _response(gray: np.ndarray, top: int, left: int) -> tuple[np.int32, np.int32
 
 
 @inlined
+def _place(i: int, room: int, steps: int) -> int:
+    """Return i / steps of the room in whole px: the same from both sides."""
+    return i * room // steps if 2 * i <= steps else room - (steps - i) * room // steps
+
+
+@inlined
 def _is_masked(allowed: np.ndarray, top: int, left: int) -> bool:
     """Return whether any pixel is masked that the responses in a block depend on."""
     for y in range(top - 1, top + HEIGHT + 1):
@@ -77,9 +83,9 @@ def _responses(gray: np.ndarray, where: Region, responses: np.ndarray) -> tuple[
     height, width = where.bottom - where.top, where.right - where.left
     count = busy = silent = 0
     for row in range(ROWS):
-        top = where.top + 1 + row * (height - 2 - HEIGHT) // (ROWS - 1)
+        top = where.top + 1 + _place(row, height - 2 - HEIGHT, ROWS - 1)
         for column in range(COLUMNS):
-            left = where.left + 1 + column * (width - 2 - WIDTH) // (COLUMNS - 1)
+            left = where.left + 1 + _place(column, width - 2 - WIDTH, COLUMNS - 1)
             if where.masked and _is_masked(where.allowed, top, left):
                 continue
             total, still, saturated = _response(gray, top, left)

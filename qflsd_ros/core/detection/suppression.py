@@ -20,6 +20,9 @@ from qflsd_ros.core.compilation import compiled, inlined
 PARALLEL = math.sin(math.radians(10.0))     # sine of the angle between parallel arcs, at most
 HIDDEN = 0.6        # share of an arc close to others from which on it is suppressed
 FAINT = 0.55        # contrast of a halo, as a share of the contrast of the arc, at most
+# Distance of an arc of opposite polarity, as a multiple of min_distance, at most: both sides of a
+# thin line, which are kept, are 1.7 px apart or more.
+OPPOSITE = 0.5
 HALO = 1.5          # distance of a halo, as a multiple of min_distance, at most
 CELL = 16.0         # px, of the grid
 ENTRIES = 2         # entries of an arc into the grid per cell length
@@ -63,8 +66,12 @@ def _is_beside(rows: np.ndarray, fits: np.ndarray, arc: int,
 @inlined
 def _reach(rows: np.ndarray, arc: int, other: int, distance: float) -> float:
     """Return the distance from another arc within which an arc is suppressed."""
-    faint = rows[arc, CONTRAST] < FAINT * rows[other, CONTRAST]
-    return HALO * distance if faint else distance
+    if rows[arc, CONTRAST] < FAINT * rows[other, CONTRAST]:
+        return HALO * distance
+    along = ((rows[arc, END] - rows[arc, START]) * (rows[other, END] - rows[other, START])
+             + (rows[arc, END + 1] - rows[arc, START + 1])
+             * (rows[other, END + 1] - rows[other, START + 1]))
+    return distance if along > 0 else OPPOSITE * distance
 
 
 @inlined

@@ -18,7 +18,9 @@ PIECES = 16             # of a line
 SMALLEST = PIECES + 2   # px, of a side; less shows no pieces
 STRONGEST = 0.03        # share of all pieces that are believed to cross an edge
 USUAL = 110.0           # grey levels from pixel to next but one, that these have at least
-WEAKEST = 0.35          # share of that, below which slopes are no edges
+# Least and largest strength, as shares of that: weaker slopes are not edges, and thresholds follow
+# the gain of a camera up to the largest (tuned on photographs under changes of light).
+WEAKEST, LARGEST = 0.35, 2.5
 ABOVE_NOISE = 3.5       # standard deviations of noise that an edge stands out
 
 
@@ -56,7 +58,7 @@ def _slopes(gray: np.ndarray, where: Region, slopes: np.ndarray) -> int:
 
 def estimate(gray: np.ndarray, where: Region | None = None) -> float:
     """
-    Return the strength of the edges of an image, as a share of the usual: WEAKEST to 1.
+    Return the strength of the edges of an image, as a share of the usual: WEAKEST to LARGEST.
 
     ``gray`` is a (H, W) uint8 array, looked at in a region of it (None: all over); one too small
     to tell is taken for usual.
@@ -70,7 +72,7 @@ def estimate(gray: np.ndarray, where: Region | None = None) -> float:
         return 1.0
     place = int((1 - STRONGEST) * count)
     slopes[:count].partition(place)
-    return min(max(float(slopes[place]) / USUAL, WEAKEST), 1.0)
+    return min(max(float(slopes[place]) / USUAL, WEAKEST), LARGEST)
 
 
 def scale(strength: float, noise: float, high: float) -> float:

@@ -28,7 +28,7 @@ import numpy as np
 
 from qflsd_ros.core import circle
 from qflsd_ros.core.compilation import compiled, inlined, summed
-from qflsd_ros.core.detection.edges import SOBEL_GAIN
+from qflsd_ros.core.detection.edges import GAIN
 from qflsd_ros.core.detection.frame import Frame
 
 SINE = math.sin(math.radians(11.25))    # of the angle of alignment: that of EDLines
@@ -78,9 +78,11 @@ def _surroundings(fits: np.ndarray, i: int, points: np.ndarray, span: tuple[int,
     """Count the samples beside a span of edge points, and those with a strong gradient."""
     height, width = frame.dx.shape
     strong = BUSY * support[i, STEPS] / (span[1] + 1 - span[0])
-    least = int((SOBEL_GAIN * strong) ** 2)
+    least = int((GAIN * strong) ** 2)
     samples = hits = 0
-    for k in range(span[0], span[1] + 1, EVERY):
+    for j in range(2 * ((span[1] - span[0]) // (2 * EVERY) + 1)):
+        # From both ends on, so that the samples are the same whichever way the arc is travelled.
+        k = span[0] + j // 2 * EVERY if j % 2 == 0 else span[1] - j // 2 * EVERY
         x, y = float(points[0, k]), float(points[1, k])
         nx, ny = circle.normal_at(fits, i, x, y)
         for offset in BESIDE:

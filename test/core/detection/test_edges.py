@@ -26,7 +26,7 @@ def find(gray: np.ndarray, blur_sigma: float = 0.6, low: float = 5.0,
     assert count == len(pixels)
     points = np.empty((4, count), np.float32)
     edges.locate(dx.ravel(), dy.ravel(), gray.shape[1], pixels, count, points)
-    magnitude = np.hypot(dx, dy) / edges.SOBEL_GAIN
+    magnitude = np.hypot(dx, dy) / edges.GAIN
     return found, magnitude, points[:2].T.astype(float)
 
 
