@@ -152,3 +152,22 @@ def peer(tmp_path: Path) -> Iterator[Peer]:
 def module_peer(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Peer]:
     """Give the tests of a module one peer that they share."""
     yield from make_peer(tmp_path_factory.mktemp('peer'))
+
+
+@pytest.fixture
+def refuse(peer: Peer, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+           ) -> Iterator[Callable[..., str]]:
+    """Give a function that starts a node within this process, and returns why it ends at once."""
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    for name, value in peer.environment.items():
+        monkeypatch.setenv(name, value)
+
+    def start(main: Callable[[], int], *arguments: str) -> str:
+        monkeypatch.setattr(sys, 'argv', ['node', '--ros-args', *arguments])
+        assert main() == 2
+        line, = capfd.readouterr().err.splitlines()
+        return line
+
+    yield start
+    for number, handler in handlers.items():
+        signal.signal(number, handler)
