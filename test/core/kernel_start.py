@@ -46,8 +46,9 @@ def have_no_home() -> None:
 
 def run(cache: Path | None, first: Callable[[], object], output: Path) -> None:
     """
-    Write into ``output``/stdout what the kernel gives for integers and for floats, and how many of
-    both were kept; stderr goes beside it.
+    Write what the kernel gives for integers and for floats, and how many of both were kept.
+
+    Files ``stdout`` and ``stderr`` of the folder ``output`` take what is printed.
     """
     for stream in (sys.stdout, sys.stderr):
         descriptor = os.open(output / stream.name.strip('<>'), os.O_WRONLY | os.O_CREAT)
