@@ -14,6 +14,7 @@ from typing import NamedTuple
 from kernel_start import drop_root, fill_the_disk, have_no_home, mask_nothing, NOBODY, nothing, run
 import pytest
 
+pytestmark = pytest.mark.slow
 FORKS = multiprocessing.get_context('forkserver')
 FORKS.set_forkserver_preload(['qflsd_ros.core.compilation'])
 

@@ -43,6 +43,7 @@ def test_every_value_has_its_reason_above(name: str) -> None:
     assert f'{name}.yaml' in ''.join(lines[:3])
 
 
+@pytest.mark.slow
 def test_the_node_loads_one_without_a_word(peer: Peer) -> None:
     name = 'fisheye'
     rig = Rig(peer, '--params-file', f'config/{name}.yaml').ready()
