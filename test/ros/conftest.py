@@ -3,6 +3,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 import fcntl
+import gc
 import itertools
 import os
 from pathlib import Path
@@ -163,10 +164,12 @@ def refuse(peer: Peer, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFix
         monkeypatch.setenv(name, value)
 
     def start(main: Callable[[], int], *arguments: str) -> str:
+        gc.collect()  # a node that was refused before would share /rosout, with a warning
         monkeypatch.setattr(sys, 'argv', ['node', '--ros-args', *arguments])
         assert main() == 2
-        line, = capfd.readouterr().err.splitlines()
-        return line
+        said = capfd.readouterr().err
+        assert len(said.splitlines()) == 1, said
+        return said
 
     yield start
     for number, handler in handlers.items():
