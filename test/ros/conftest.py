@@ -105,7 +105,6 @@ class Peer:
         self.node.destroy_node()
         self.context.try_shutdown()
 
-
     def _see_off(self) -> None:
         """
         Wait until the nodes of processes that have ended are gone from the graph.
