@@ -22,7 +22,7 @@ class Effort:
     endurance: int = 10_000                 # frames over which memory is watched
 
 
-QUICK = Effort((240, 320), 3, 1, 3, 5, 1, 4, 4, 200)
+QUICK = Effort((240, 320), 3, 1, 3, 5, 1, 4, 4, 100)
 
 
 @dataclass(frozen=True)

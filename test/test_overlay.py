@@ -1,7 +1,7 @@
 """The overlay: where arcs are drawn, in which colours, at what cost."""
 from __future__ import annotations
 
-from time import perf_counter
+from time import process_time
 
 import numpy as np
 import pytest
@@ -88,9 +88,8 @@ def test_colours_are_stable_and_apart() -> None:
     assert many.max(axis=1).min() > 200
 
 
-@pytest.mark.alone
 def test_drawing_keeps_up_with_a_camera() -> None:
-    """1280x720 with 500 arcs takes a small part of a 30 Hz frame."""
+    """1280x720 with 500 arcs takes a small part of a 30 Hz frame, in CPU time."""
     generator = np.random.default_rng(0)
     start = generator.uniform((0, 0), (1280, 720), (500, 2))
     angle, length = generator.uniform(0, 2 * np.pi, 500), generator.uniform(15, 100, 500)
@@ -99,7 +98,7 @@ def test_drawing_keeps_up_with_a_camera() -> None:
     frame = np.zeros((720, 1280), np.uint8)
     times = []
     for _ in range(10):
-        begin = perf_counter()
+        begin = process_time()
         draw(frame, arcs)
-        times.append(perf_counter() - begin)
+        times.append(process_time() - begin)
     assert min(times) < 0.015

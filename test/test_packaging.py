@@ -14,6 +14,7 @@ import pytest
 from qflsd_ros.cli.demo import free_domain
 import rclpy
 
+pytestmark = pytest.mark.slow
 ROOT = Path(__file__).parents[1]
 TIMEOUT = 180.0  # s; generous: the machine may be busy, and kernels have to be compiled
 SOURCES = ('config', 'launch', 'qflsd_ros', 'resource', 'test', 'CHANGELOG.rst', 'LICENSE',

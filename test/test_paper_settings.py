@@ -8,6 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from qflsd_ros.cli.demo import free_domain
 from qflsd_ros.cli.detect import main
 from qflsd_ros.core import Detector, Parameters
 from qflsd_ros.ros.parameters import declaration
@@ -43,12 +44,13 @@ def test_the_command_runs_with_it(gray: np.ndarray, tmp_path: Path) -> None:
 def test_a_node_takes_it() -> None:
     """The node has every value of the file from its start."""
     context, applied = Context(), []
-    context.init(['--ros-args', '--params-file', str(FILE)], domain_id=101)
+    context.init(['--ros-args', '--params-file', str(FILE)], domain_id=free_domain())
     try:
         node = Node('detector', context=context)
         declaration.attach(node, (Parameters,), applied.append)
         assert set(GIVEN) <= set(node.list_parameters([], 0).names)
         assert applied == [Parameters(**GIVEN)]
+        node.destroy_node()
     finally:
         context.try_shutdown()
 

@@ -14,6 +14,7 @@ import cv2
 from diagnostic_msgs.msg import DiagnosticStatus
 import numpy as np
 import pytest
+from qflsd_ros.cli.demo import free_domain
 from qflsd_ros.core import Detector
 from qflsd_ros.ros.diagnostics import Statistics
 from qflsd_ros.ros.input.images import LAYOUTS
@@ -207,7 +208,7 @@ def test_image_proc_is_remapped_to_the_camera_info_of_the_detector() -> None:
     """Its node takes camera_info beside the resolved name of image, which is then remapped."""
     command = re.search(r'^ +ros2 run image_proc rectify_node (.*)$', LENS, re.MULTILINE)[1]
     context = Context()
-    rclpy.init(args=command.split(), context=context)
+    rclpy.init(args=command.split(), context=context, domain_id=free_domain())
     try:
         node = Node('rectify_node', context=context)
         image = node.resolve_topic_name('image')

@@ -176,11 +176,21 @@ def test_an_unreadable_input_ends_with_the_cameras_exit_code(tmp_path: Path) -> 
     assert 'broken.png' in stderr and 'Traceback' not in stderr
 
 
+def check_room_for_large_images(process: int) -> None:
+    """Check that the packaged Fast DDS profile is in force, without a shell script's help."""
+    environment = Path('/proc', str(process), 'environ').read_bytes().split(b'\0')
+    file, = (text.partition(b'=')[2] for text in environment
+             if text.startswith(b'FASTRTPS_DEFAULT_PROFILES_FILE='))
+    assert Path(os.fsdecode(file)).read_text() == (ROOT / 'config/fastdds.xml').read_text()
+
+
 @pytest.mark.parametrize('with_signal', [signal.SIGINT, signal.SIGTERM])
 def test_no_process_outlives_it(tmp_path: Path, with_signal: signal.Signals) -> None:
     """A signal ends camera and detector with it."""
     process = start('--seconds', 1000, '--output', tmp_path)
     started = until_results(process)
+    for number in started:
+        check_room_for_large_images(number)
     process.send_signal(with_signal)
     _, stderr = process.communicate(timeout=TIMEOUT)
     assert process.returncode == 130, stderr
@@ -195,18 +205,6 @@ def test_no_process_outlives_it_when_it_is_killed(tmp_path: Path) -> None:
     process.kill()
     process.communicate(timeout=TIMEOUT)
     poll(lambda: all_gone(started))
-
-
-def test_its_nodes_have_room_for_large_images(tmp_path: Path) -> None:
-    """The packaged Fast DDS profile is in force for them, without a shell script's help."""
-    process = start('--seconds', 1000, '--output', tmp_path)
-    for number in until_results(process):
-        environment = Path('/proc', str(number), 'environ').read_bytes().split(b'\0')
-        file, = (text.partition(b'=')[2] for text in environment
-                 if text.startswith(b'FASTRTPS_DEFAULT_PROFILES_FILE='))
-        assert Path(os.fsdecode(file)).read_text() == (ROOT / 'config/fastdds.xml').read_text()
-    process.terminate()
-    process.communicate(timeout=TIMEOUT)
 
 
 def test_files_of_the_current_folder_are_no_modules(tmp_path: Path) -> None:

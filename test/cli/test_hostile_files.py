@@ -164,6 +164,7 @@ def test_a_disk_too_full_for_a_bag(tmp_path: Path) -> None:
 
 def test_a_bag_that_an_exception_cuts_short_is_not_there(
         tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    heard = signal.signal(signal.SIGINT, signal.SIG_DFL)  # a shell's background jobs ignore it
     bag = write_bag(tmp_path / 'drive', 3)
     seen = []
 
@@ -173,7 +174,10 @@ def test_a_bag_that_an_exception_cuts_short_is_not_there(
             os.kill(os.getpid(), signal.SIGINT)
 
     monkeypatch.setattr('qflsd_ros.cli.results.write', interrupt)
-    assert main([str(bag), '--output', str(tmp_path / 'out')]) == 130
+    try:
+        assert main([str(bag), '--output', str(tmp_path / 'out')]) == 130
+    finally:
+        signal.signal(signal.SIGINT, heard)
     assert seen == [0, 1, 1]
     assert list((tmp_path / 'out').iterdir()) == []
 

@@ -28,13 +28,13 @@ def poll(condition: Callable[[], object], seconds: float = 60.0) -> None:
 
 @pytest.fixture
 def slow(tmp_path: Path) -> Path:
-    """Return a folder of images that take the method paper a while each."""
+    """Return a folder of images that take the method paper half a second each."""
     folder = tmp_path / 'in'
     folder.mkdir()
     generator = np.random.default_rng(0)
     for number in range(COUNT):
-        pixels = np.full((300, 400), 30, np.uint8)
-        for x, y, radius in generator.integers(20, 280, (25, 3)).tolist():
+        pixels = np.full((240, 320), 30, np.uint8)
+        for x, y, radius in generator.integers(20, 220, (15, 3)).tolist():
             cv2.circle(pixels, (x, y), radius, x % 200 + 50, 2)
         cv2.imwrite(str(folder / f'{number:02d}.png'), pixels)
     return folder

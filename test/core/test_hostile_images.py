@@ -23,6 +23,7 @@ from qflsd_ros.core import Detector, Parameters
 from scenery import noise, scene
 from soundness import assert_sound
 
+pytestmark = pytest.mark.slow
 SHAPE = (200, 260)
 SENSITIVE = Parameters(blur_sigma=0.0, contrast_high=1.0, contrast_low=0.5, min_length=3.0,
                        min_score=-1000.0)
@@ -108,7 +109,7 @@ def test_arcs_are_sound(name):
         assert_sound(Detector(parameters).detect(gray), gray, parameters)
 
 
-@pytest.mark.parametrize('shape', [(480, 640), (1080, 1920)], ids=str)
+@pytest.mark.parametrize('shape', [(480, 640), (720, 1280)], ids=str)
 def test_time_is_bounded(shape):
     usual = seconds(np.tile(scene(), (9, 10))[:shape[0], :shape[1]])
     for name in PATTERNS:

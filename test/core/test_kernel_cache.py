@@ -2,37 +2,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+import multiprocessing
+from multiprocessing.process import BaseProcess
 import os
 from pathlib import Path
 import random
 import shutil
-import subprocess
-import sys
 import tempfile
 from typing import NamedTuple
 
+from kernel_start import drop_root, fill_the_disk, have_no_home, mask_nothing, NOBODY, nothing, run
 import pytest
 
-NOBODY = 54321  # a user who has no name and no home
-# Prints what the kernel gives for integers and for floats, and how many of both were kept.
-PROGRAM = """
-import os, resource, sys
-import numba
-from qflsd_ros.core.compilation import compiled
-
-@compiled
-def twice(x):
-    return 2 * x
-
-{}
-print(twice(21), twice(1.25), sum(twice.stats.cache_hits.values()))
-"""
-# Root may write anywhere. What numba imports late, it does here: another user may not read it.
-DROP_ROOT = ('numba.njit(lambda x: x + 1)(1); '
-             f'os.geteuid() or os.setresuid(*[{NOBODY}] * 3)')
-# No file may grow beyond 1000 bytes: writing fails in the midst of it, as on a full disk.
-FULL_DISK = 'resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))'
-UMASK_0 = 'os.umask(0)'
+pytestmark = pytest.mark.slow
+FORKS = multiprocessing.get_context('forkserver')
+FORKS.set_forkserver_preload(['qflsd_ros.core.compilation'])
 
 
 class Start(NamedTuple):
@@ -46,19 +30,35 @@ class Start(NamedTuple):
         return [line for line in self.stderr.splitlines() if 'compiled code' in line]
 
 
-def launch(cache: Path, first: str = '') -> subprocess.Popen[str]:
-    return subprocess.Popen([sys.executable, '-c', PROGRAM.format(first)], text=True,
-                            env=os.environ | {'NUMBA_CACHE_DIR': str(cache)},
-                            stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+class Launch(NamedTuple):
+    """A process that uses a kernel, and the folder of its output."""
+
+    process: BaseProcess
+    output: Path
+
+    def end(self) -> Start:
+        """Wait for its end; whatever the cache holds, the kernel works."""
+        self.process.join(120)
+        said = {path.name: path.read_text() for path in self.output.iterdir()}
+        shutil.rmtree(self.output)
+        stdout, stderr = said.pop('stdout'), said.pop('stderr')
+        assert self.process.exitcode == 0, stderr
+        *values, kept = stdout.split()
+        assert values == ['42', '2.5'] and not said  # nothing else is in the current folder
+        return Start(int(kept), stderr)
 
 
-def start(cache: Path, first: str = '') -> Start:
-    """Run the program, after a statement; whatever the cache holds, the kernel works."""
-    stdout, stderr = (process := launch(cache, first)).communicate(timeout=120)
-    assert process.returncode == 0, stderr
-    *values, kept = stdout.split()
-    assert values == ['42', '2.5']
-    return Start(int(kept), stderr)
+def launch(cache: Path | None, first: Callable[[], object] = nothing) -> Launch:
+    output = Path(tempfile.mkdtemp())
+    output.chmod(0o777)
+    process = FORKS.Process(target=run, args=(cache, first, output))
+    process.start()
+    return Launch(process, output)
+
+
+def start(cache: Path | None, first: Callable[[], object] = nothing) -> Start:
+    """Run a process that uses a kernel, after something else, to its end."""
+    return launch(cache, first).end()
 
 
 def files(cache: Path) -> list[Path]:
@@ -125,7 +125,7 @@ def test_a_damaged_file_is_discarded(cache: Path, damage: Callable[[Path], None]
 def test_a_full_disk(tmp_path: Path) -> None:
     """It compiles, says once why nothing is kept, and leaves no part of a file."""
     for _ in range(2):
-        said = start(tmp_path / 'cache', FULL_DISK)
+        said = start(tmp_path / 'cache', fill_the_disk)
         assert said.kept == 0 and len(said.stderr.splitlines()) == 1
         assert 'cannot be kept' in said.stderr and 'File too large' in said.stderr
     assert files(tmp_path / 'cache') == []
@@ -134,10 +134,8 @@ def test_a_full_disk(tmp_path: Path) -> None:
 
 def test_processes_that_fill_it_together(tmp_path: Path) -> None:
     """None of them fails, and what they leave is right."""
-    processes = [launch(tmp_path / 'cache') for _ in range(4)]
-    for process in processes:
-        stdout, stderr = process.communicate(timeout=120)
-        assert (process.returncode, stdout.split()[:2], stderr) == (0, ['42', '2.5'], '')
+    for process in [launch(tmp_path / 'cache') for _ in range(4)]:
+        assert process.end().stderr == ''
     assert start(tmp_path / 'cache') == (2, '')
 
 
@@ -145,17 +143,17 @@ def test_a_cache_that_can_only_be_read(cache: Path) -> None:
     """As in an image: another user made it, and it is used without a word."""
     for path in (cache, *cache.rglob('*')):
         path.chmod(0o555 if path.is_dir() else 0o444)
-    assert start(cache, DROP_ROOT) == (2, '')
-    assert start(cache, DROP_ROOT) == (2, '')
+    assert start(cache, drop_root) == (2, '')
+    assert start(cache, drop_root) == (2, '')
     next(iter(sorted(path for path in files(cache) if path.suffix in ('.kernel', '.nbc')))
          ).unlink()
-    incomplete = start(cache, DROP_ROOT)
+    incomplete = start(cache, drop_root)
     assert incomplete.kept == 1 and len(incomplete.warnings) == 1
     assert 'Permission denied' in incomplete.stderr
 
 
 def test_folders_are_private_whatever_the_umask(tmp_path: Path) -> None:
-    start(tmp_path / 'a' / 'cache', UMASK_0)
+    start(tmp_path / 'a' / 'cache', mask_nothing)
     made = list(tmp_path.rglob('*'))
     assert len(made) > 4
     assert {path.stat().st_mode & 0o777 for path in made} == {0o700, 0o600}
@@ -218,13 +216,7 @@ def test_a_link_into_a_folder_that_others_can_write_to(cache: Path) -> None:
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason='none but root can become a user without a name')
-def test_a_user_without_a_home(tmp_path: Path) -> None:
-    """Nothing is then put into the current folder."""
-    tmp_path.chmod(0o777)
-    first = f'{DROP_ROOT}; [os.environ.pop(name, 0) for name in ("HOME", "XDG_CACHE_HOME")]'
-    result = subprocess.run(
-        [sys.executable, '-c', PROGRAM.format(first)], cwd=tmp_path, text=True,
-        env=os.environ | {'NUMBA_CACHE_DIR': ''}, capture_output=True)
-    assert result.returncode == 0 and result.stdout.split()[2] == '0', result.stderr
-    assert 'cannot be kept' in result.stderr and 'no home folder' in result.stderr
-    assert not list(tmp_path.iterdir())
+def test_a_user_without_a_home() -> None:
+    said = start(None, have_no_home)
+    assert said.kept == 0
+    assert 'cannot be kept' in said.stderr and 'no home folder' in said.stderr

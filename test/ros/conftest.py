@@ -1,8 +1,9 @@
 """Real processes over real DDS: each test has its own domain, and polls instead of sleeping."""
 from __future__ import annotations
 
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 import fcntl
+import gc
 import itertools
 import os
 from pathlib import Path
@@ -22,6 +23,7 @@ from rclpy.node import Node
 
 ROOT = Path(__file__).parents[2]
 TIMEOUT = 60.0  # s; generous: the machine may be busy, and kernels may have to be compiled
+FAREWELL = 1.0  # s, many times what the middleware takes to tell that a node has left
 SETTLED = 60.0  # s after which an unheld lock belongs to a dead process
 # Wheels in a virtual environment have no setup file that would set this.
 os.environ.setdefault('AMENT_PREFIX_PATH', sys.prefix)
@@ -95,12 +97,26 @@ class Peer:
 
     def close(self) -> None:
         """End all processes and the node."""
+        self._see_off()
         for process in self.processes:
             process.popen.kill()
             process.popen.wait()
         self.executor.shutdown()
         self.node.destroy_node()
         self.context.try_shutdown()
+
+    def _see_off(self) -> None:
+        """
+        Wait until the nodes of processes that have ended are gone from the graph.
+
+        Fast DDS may hang or crash where it is told of one that leaves while it ends itself.  A
+        killed process tells nobody, and some nodes end without a word.
+        """
+        running = sum(process.popen.poll() is None for process in self.processes)
+        if running < len(self.processes):
+            with suppress(AssertionError):
+                self.until(lambda: len(self.node.get_node_names()) <= 1 + running,
+                           timeout=FAREWELL)
 
 
 @pytest.fixture(scope='session', autouse=True)
@@ -133,13 +149,29 @@ def free_domains() -> Iterator[tuple[int, socket.socket]]:
 domains = free_domains()
 
 
+@contextmanager
+def reserved_domain() -> Iterator[int]:
+    """Yield a domain that nobody else has meanwhile."""
+    number, lock = next(domains)
+    try:
+        yield number
+    finally:
+        lock.close()
+
+
+@pytest.fixture
+def domain() -> Iterator[int]:
+    """Give one test a domain of its own."""
+    with reserved_domain() as number:
+        yield number
+
+
 def make_peer(folder: Path) -> Iterator[Peer]:
     """Yield a peer in a domain of its own."""
-    domain, lock = next(domains)
-    peer = Peer(domain, folder)
-    yield peer
-    peer.close()
-    lock.close()
+    with reserved_domain() as number:
+        peer = Peer(number, folder)
+        yield peer
+        peer.close()
 
 
 @pytest.fixture
@@ -152,3 +184,24 @@ def peer(tmp_path: Path) -> Iterator[Peer]:
 def module_peer(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Peer]:
     """Give the tests of a module one peer that they share."""
     yield from make_peer(tmp_path_factory.mktemp('peer'))
+
+
+@pytest.fixture
+def refuse(peer: Peer, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+           ) -> Iterator[Callable[..., str]]:
+    """Give a function that starts a node within this process, and returns why it ends at once."""
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    for name, value in peer.environment.items():
+        monkeypatch.setenv(name, value)
+
+    def start(main: Callable[[], int], *arguments: str) -> str:
+        monkeypatch.setattr(sys, 'argv', ['node', '--ros-args', *arguments])
+        assert main() == 2
+        gc.collect()  # the node leaves now, not at any time later
+        said = capfd.readouterr().err
+        assert len(said.splitlines()) == 1, said
+        return said
+
+    yield start
+    for number, handler in handlers.items():
+        signal.signal(number, handler)

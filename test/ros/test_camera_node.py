@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 import pytest
-from qflsd_ros.ros.camera import CameraSettings
+from qflsd_ros.ros.camera import CameraSettings, main
 from qflsd_ros.ros.parameters.declaration import yaml_text
 from qflsd_ros.sources import Scene
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -171,11 +171,9 @@ def test_folder_that_does_not_loop_ends_the_node(peer, tmp_path):
     ('encoding:=rgb8', 'camera: parameter encoding is '),
     ('width:=wide', 'camera: parameter width is '),
     ('lam:=-2.0', 'camera: parameter lam is -2.0: must lie in -1.0 to 0.5')])
-def test_what_cannot_be_used_is_one_line_and_exit_code_2(peer, parameter, what):
-    camera = start(peer, parameter)
-    assert camera.wait() == 2
-    assert what in camera.output
-    assert len(camera.output.strip().splitlines()) == 1
+def test_what_cannot_be_used_is_one_line_and_exit_code_2(refuse, parameter, what):
+    """Also as a process, see test_run_node.py."""
+    assert what in refuse(main, '-p', parameter)
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])

@@ -83,7 +83,11 @@ class Host(Node):
     def __init__(self, context: Context) -> None:
         super().__init__('detector', context=context)
         self.applied: tuple[Any, ...] = ()
-        declaration.attach(self, KINDS, self._apply, check_together)
+        try:
+            declaration.attach(self, KINDS, self._apply, check_together)
+        except declaration.ParameterError:
+            self.destroy_node()
+            raise
 
     def _apply(self, *settings: Any) -> None:
         self.applied = settings
@@ -203,6 +207,7 @@ def test_files_of_the_node(tmp_path: Path, module_peer: Peer, seed: int) -> None
                    domain_id=module_peer.context.get_domain_id())
         host = Host(context)
         assert {name: host.get_parameter(name).value for name in given_} == given_
+        host.destroy_node()
     except declaration.ParameterError as error:
         assert '\n' not in str(error) and any(name in str(error) for name in given_)
     except RuntimeError as error:

@@ -11,9 +11,9 @@ if TYPE_CHECKING:
     from conftest import Peer
 
 
-@pytest.mark.parametrize('node', ['camera', 'detector'])
+@pytest.mark.parametrize('node, number', [
+    ('camera', signal.SIGINT), ('detector', signal.SIGTERM)])
 @pytest.mark.parametrize('library', ['numpy', 'cv2', 'librcl.so'])
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_in_the_first_second(peer: Peer, number: int, node: str, library: str) -> None:
     """While the node is still importing what it needs, exit code 0 and no traceback as well."""
     process = peer.run('-m', 'qflsd_ros.ros', node)

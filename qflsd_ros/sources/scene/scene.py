@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import lru_cache
 import itertools
 import math
 
@@ -14,7 +15,7 @@ from qflsd_ros.sources.frames import Frame, report_by_log, Source
 from qflsd_ros.sources.scene import room
 from qflsd_ros.sources.scene.optics import Camera
 from qflsd_ros.sources.scene.raycast import render, TEXTURE_SIZE
-from qflsd_ros.sources.scene.solids import edges, front_faces, surfaces
+from qflsd_ros.sources.scene.solids import Box, Edge, edges, front_faces, surfaces
 from qflsd_ros.sources.scene.truth import visible_arcs
 
 FRAMES_PER_TURN = 1200      # frames of the closed path: 40 s at 30 Hz, a walk around the room
@@ -55,8 +56,7 @@ class Scene:
             raise ValueError(f'lam is {lam}: must lie in -1 to 0.5')
         self.lens = DivisionModel(lam, (height, width))
         self.seed, self.colour = seed, colour
-        self._boxes = room.furnish(seed)
-        self._edges = edges(self._boxes)
+        self._boxes, self._edges = _furnished(seed)
         # An edge of a patch has only one face, which fills both columns.
         self._edge_faces = np.array([(6 * edge.box + edge.faces[0], 6 * edge.box + edge.faces[-1])
                                      for edge in self._edges])
@@ -122,6 +122,13 @@ class SceneFrames(Source):
         for number in itertools.count():
             yield Frame.of(self._scene.image(number), encoding(self._scene.colour),
                            f'frame {number}')
+
+
+@lru_cache(maxsize=4)  # seeds at a time; finding the edges takes a quarter of a second
+def _furnished(seed: int) -> tuple[list[Box], list[Edge]]:
+    """Return the boxes of the room, and their edges; scenes of one seed share them."""
+    boxes = room.furnish(seed)
+    return boxes, edges(boxes)
 
 
 def _texture(seed: int) -> np.ndarray:

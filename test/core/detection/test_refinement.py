@@ -63,6 +63,7 @@ def every_arc_is_bent(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(detector, 'SIGNIFICANCE', 0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('noise', [1.0, 2.0, 5.0])
 @pytest.mark.parametrize('blur', [0.0, 0.8, 1.5])
 @pytest.mark.parametrize('radius', [0.0, 300.0])

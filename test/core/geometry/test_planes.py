@@ -161,6 +161,7 @@ def normalised_errors(lam: float, known: bool, noise: float, length: float,
     return errors
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('lam, known', [(0.0, False), (-0.3, False), (-0.3, True)])
 def test_covariance_is_that_of_the_errors(lam, known):
     errors = np.array([[np.mean(normalised_errors(lam, known, noise, length, 15))

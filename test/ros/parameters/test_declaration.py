@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 from dataclasses import fields
+import gc
 from pathlib import Path
 from typing import Any, Iterator
 
@@ -38,12 +39,13 @@ class Host(Node):
 
 
 @pytest.fixture
-def context() -> Iterator[Context]:
+def context(domain: int) -> Iterator[Context]:
     """Give a ROS context without any other process."""
     context = Context()
-    rclpy.init(args=[], context=context, domain_id=101)
+    rclpy.init(args=[], context=context, domain_id=domain)
     yield context
     context.try_shutdown()
+    gc.collect()  # the test's nodes leave the domain now, not at any time later
 
 
 def test_the_file_in_the_tree_is_the_generated_one() -> None:

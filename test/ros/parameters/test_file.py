@@ -33,11 +33,12 @@ LAYOUTS = [
     'a:\n  b:\n    detector:\n      ros__parameters: {t: 1}\n/**:\n  ros__parameters: {t: 3}\n']
 
 
-def of_rcl(path: Path, namespace: str) -> dict[str, Any] | None:
+def of_rcl(path: Path, namespace: str, domain: int) -> dict[str, Any] | None:
     """Return the values that a node gets from a file; None if rcl refuses the file."""
     context = Context()
     try:
-        rclpy.init(args=['x', '--ros-args', '--params-file', str(path)], context=context)
+        rclpy.init(args=['x', '--ros-args', '--params-file', str(path)], context=context,
+                   domain_id=domain)
         node = Node('detector', namespace=namespace, context=context, enable_rosout=False,
                     start_parameter_services=False)
         values = {name: value.value for name, value in node._parameter_overrides.items()}
@@ -53,7 +54,7 @@ def of_rcl(path: Path, namespace: str) -> dict[str, Any] | None:
     f'/**:\n  ros__parameters:\n    t: {value}\n' for value in VALUES] + [
     ''.join(f"'{name}':\n  ros__parameters: {{t: {i}}}\n" for i, name in enumerate(names))
     for names in NAMES])
-def test_a_file_means_the_same_to_rcl(tmp_path: Path, text: str) -> None:
+def test_a_file_means_the_same_to_rcl(tmp_path: Path, domain: int, text: str) -> None:
     path = tmp_path / 'p.yaml'
     path.write_text(text)
     for namespace in ('', '/left', '/a/b'):
@@ -63,4 +64,4 @@ def test_a_file_means_the_same_to_rcl(tmp_path: Path, text: str) -> None:
         except FileError:
             ours = None
         # As text: nan is not equal to itself, and 1 is not 1.0 here.
-        assert repr(ours) == repr(of_rcl(path, namespace))
+        assert repr(ours) == repr(of_rcl(path, namespace, domain))
