@@ -1,0 +1,249 @@
+"""
+Refinement of three orthogonal directions, focal length and lens on all arcs at once.
+
+Unknowns are a rotation, the logarithm of the focal length f, lambda, and the optical centre c in
+the undistorted image.  A direction d has the vanishing point v = K d = (f d_x + c_x d_z,
+f d_y + c_y d_z, d_z), and an arc deviates from it by the angle e with sin e = A / S, A = l v,
+B = b v, S^2 = A^2 + B^2 (see :mod:`great_circles`), hence
+
+    d sin e = B (B dA - A dB) / S^3.
+
+With N = K' l the derivative of A by a rotation is d x N.  An arc's angle follows the mixture of
+Student's distributions of three directions, and of any angle.  Levenberg-Marquardt steps on the
+expected weights, with Gaussian priors for focal length, lambda and centre.
+"""
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from qflsd_ros.core.compilation import compiled, inlined
+from qflsd_ros.core.geometry.great_circles import (
+    DEVIATION, Line, line, NORMAL_X, NORMAL_Y, X, Y)
+from qflsd_ros.core.geometry.vanishing import NONE
+
+# Degrees of freedom of Student's distribution of an arc's angle; and its density at 0, over that
+# of any angle, 1 / pi, for a deviation of 1.
+NU = 1.5
+PEAK = math.pi * math.gamma((NU + 1) / 2) / (math.sqrt(NU * math.pi) * math.gamma(NU / 2))
+# The state: the axes (rows of 3 x 3), ln f, lambda, and the optical centre.
+LOG_FOCAL, LAMBDA, CENTRE, STATE = 9, 10, 11, 13
+UNKNOWNS = 7                # three of a rotation, and the last four of the state
+# Damping of the first step, its factors after a good and a bad step, and its limit.
+DAMPING, EASE, BRAKE, STUCK = 1e-2, 0.2, 8.0, 1e6
+NEGLIGIBLE = 1e-3           # probability of a direction below which an arc does not count for it
+TINY = 1e-12                # below any diagonal element of a Hessian that occurs
+SETTLED = 1e-4              # gain in log likelihood below which a step is the last one
+
+
+class Memory(NamedTuple):
+    """What a refinement works in; the last row of an array of (STATES, STATE) is a trial."""
+
+    hessian: np.ndarray     # (UNKNOWNS, UNKNOWNS)
+    slope: np.ndarray       # (UNKNOWNS,)
+    factor: np.ndarray      # (UNKNOWNS, UNKNOWNS), Cholesky's
+    step: np.ndarray        # (UNKNOWNS,)
+    trial: np.ndarray       # (STATE,)
+
+
+class Prior(NamedTuple):
+    """Gaussian priors of ln f, lambda, and the optical centre x and y."""
+
+    mean: np.ndarray        # (4,)
+    precision: np.ndarray   # (4,) inverse variances
+
+
+class Fit(NamedTuple):
+    """
+    A local maximum of the likelihood.
+
+    Attributes
+    ----------
+    state
+        (STATE,) axes, ln f in half diagonals, lambda, optical centre in half diagonals.
+    covariance
+        (7, 7) inverse Hessian of the negative log posterior, by a rotation about x, y, z of the
+        optical frame, ln f, lambda and centre.
+    posterior
+        Logarithm of likelihood and prior, 0 for arcs that point anywhere and the prior's mean.
+
+    """
+
+    state: np.ndarray
+    covariance: np.ndarray
+    posterior: float
+
+
+@inlined
+def _seen_by(state: np.ndarray, k: int, l: Line) -> float:
+    """Return l v of the vanishing point v of axis k."""
+    f = math.exp(state[LOG_FOCAL])
+    x, y, z = state[3 * k], state[3 * k + 1], state[3 * k + 2]
+    return (l[0] * (f * x + state[CENTRE] * z) + l[1] * (f * y + state[CENTRE + 1] * z) + l[2] * z)
+
+
+@inlined
+def density(along: float, across: float, deviation: float) -> float:
+    """Return the density of an arc's angle, over that of any angle, for tan e = along / across."""
+    square = along * along
+    root = math.sqrt(1 + square / ((square + across * across) * NU * deviation * deviation))
+    return PEAK / (deviation * root * root * math.sqrt(root))
+
+
+@compiled
+def _accumulate(seen: np.ndarray, state: np.ndarray, memory: Memory) -> float:
+    """Set slope and Hessian of the negative log likelihood, and return the log likelihood."""
+    hessian, slope = memory.hessian, memory.slope
+    hessian[:], slope[:] = 0.0, 0.0
+    total, lam = 0.0, state[LAMBDA]
+    for i in range(len(seen)):
+        x, y, u, v = seen[i, X], seen[i, Y], seen[i, NORMAL_X], seen[i, NORMAL_Y]
+        deviation = seen[i, DEVIATION]
+        a, b = line(x, y, u, v, lam), line(x, y, v, -u, lam)
+        mixture = NONE
+        for k in range(3):
+            mixture += (1 - NONE) / 3 * density(_seen_by(state, k, a), _seen_by(state, k, b),
+                                                deviation)
+        total += math.log(mixture)
+        for k in range(3):
+            along, across = _seen_by(state, k, a), _seen_by(state, k, b)
+            share = (1 - NONE) / 3 * density(along, across, deviation) / mixture
+            if share < NEGLIGIBLE:
+                continue
+            square = along * along + across * across
+            error = along * across / square
+            weight = share * (NU + 1) / (NU * deviation * deviation + along * along / square)
+            p, q = across / square, -along / square
+            bend = (p * (u * (x * x - y * y) + 2 * v * x * y)
+                    + q * (v * (x * x - y * y) - 2 * u * x * y),
+                    p * (2 * u * x * y - v * (x * x - y * y))
+                    + q * (2 * v * x * y + u * (x * x - y * y)))
+            j = _derivatives(state, k, (p * a[0] + q * b[0], p * a[1] + q * b[1],
+                                        p * a[2] + q * b[2]), bend)
+            _add(hessian, slope, j, weight, error)
+    return total
+
+
+@inlined
+def _derivatives(state: np.ndarray, k: int, l: Line, bend: tuple[float, float]
+                 ) -> tuple[float, ...]:
+    """Return the derivatives of l v by all unknowns; ``bend`` is that of l's x, y by lambda."""
+    f, cx, cy = math.exp(state[LOG_FOCAL]), state[CENTRE], state[CENTRE + 1]
+    x, y, z = state[3 * k], state[3 * k + 1], state[3 * k + 2]
+    nx, ny, nz = f * l[0], f * l[1], cx * l[0] + cy * l[1] + l[2]
+    return (y * nz - z * ny, z * nx - x * nz, x * ny - y * nx, nx * x + ny * y,
+            bend[0] * (f * x + cx * z) + bend[1] * (f * y + cy * z), l[0] * z, l[1] * z)
+
+
+@inlined
+def _add(hessian: np.ndarray, slope: np.ndarray, j: tuple[float, ...], weight: float,
+         error: float) -> None:
+    """Add an observation with derivatives j to the upper half of the Hessian and to the slope."""
+    for r in range(UNKNOWNS):
+        slope[r] += weight * error * j[r]
+        for c in range(r, UNKNOWNS):
+            hessian[r, c] += weight * j[r] * j[c]
+
+
+@compiled
+def _evaluate(seen: np.ndarray, state: np.ndarray, prior: Prior, memory: Memory) -> float:
+    """Set slope and Hessian of the negative log posterior, and return the log posterior."""
+    total = _accumulate(seen, state, memory)
+    for k in range(4):
+        off = state[LOG_FOCAL + k] - prior.mean[k]
+        memory.slope[3 + k] += prior.precision[k] * off
+        memory.hessian[3 + k, 3 + k] += prior.precision[k]
+        total -= prior.precision[k] * off * off / 2
+    return total
+
+
+@compiled
+def _solve(memory: Memory, damping: float) -> None:
+    """Set step to -(H + damping diag H)^-1 slope, by Cholesky's factors."""
+    h, g, low, step = memory.hessian, memory.slope, memory.factor, memory.step
+    for r in range(UNKNOWNS):
+        for c in range(r + 1):
+            value = h[c, r] if c < r else h[r, r] * (1 + damping) + TINY
+            for k in range(c):
+                value -= low[r, k] * low[c, k]
+            low[r, c] = value / low[c, c] if c < r else math.sqrt(max(value, TINY))
+    for r in range(UNKNOWNS):
+        value = -g[r]
+        for k in range(r):
+            value -= low[r, k] * step[k]
+        step[r] = value / low[r, r]
+    for r in range(UNKNOWNS - 1, -1, -1):
+        value = step[r]
+        for k in range(r + 1, UNKNOWNS):
+            value -= low[k, r] * step[k]
+        step[r] = value / low[r, r]
+
+
+@compiled
+def _move(state: np.ndarray, step: np.ndarray, moved: np.ndarray) -> None:
+    """Set ``moved`` to the state after a step: the axes turned by Rodrigues's formula."""
+    wx, wy, wz = step[0], step[1], step[2]
+    angle = math.sqrt(wx * wx + wy * wy + wz * wz)
+    if angle > 0:
+        wx, wy, wz = wx / angle, wy / angle, wz / angle
+    c, s = math.cos(angle), math.sin(angle)
+    for k in range(3):
+        x, y, z = state[3 * k], state[3 * k + 1], state[3 * k + 2]
+        along = (1 - c) * (wx * x + wy * y + wz * z)
+        moved[3 * k] = c * x + s * (wy * z - wz * y) + along * wx
+        moved[3 * k + 1] = c * y + s * (wz * x - wx * z) + along * wy
+        moved[3 * k + 2] = c * z + s * (wx * y - wy * x) + along * wz
+    for k in range(3, UNKNOWNS):
+        moved[6 + k] = state[6 + k] + step[k]
+
+
+@compiled
+def _climb(seen: np.ndarray, state: np.ndarray, prior: Prior, steps: int, memory: Memory) -> float:
+    """Move the state to the maximum of the posterior, the logarithm of which is returned."""
+    value, damping = _evaluate(seen, state, prior, memory), DAMPING
+    for _ in range(steps):
+        _solve(memory, damping)
+        _move(state, memory.step, memory.trial)
+        tried = _evaluate(seen, memory.trial, prior, memory)
+        if tried >= value:
+            gained, value = tried - value, tried
+            for k in range(STATE):
+                state[k] = memory.trial[k]
+            damping *= EASE
+            if gained < SETTLED:
+                break
+        else:
+            damping *= BRAKE
+            value = _evaluate(seen, state, prior, memory)
+            if damping > STUCK:
+                break
+    return value
+
+
+def refine(seen: np.ndarray, axes: np.ndarray, start: np.ndarray, prior: Prior, steps: int) -> Fit:
+    """
+    Return the local maximum of the posterior near a start.
+
+    Parameters
+    ----------
+    seen
+        (N, COLUMNS) observations.
+    axes
+        (3, 3) orthogonal directions, a unit vector in each row.
+    start
+        (4,) ln f, lambda and optical centre.
+    prior
+        Of the same.
+    steps
+        Most steps, good and bad ones.
+
+    """
+    state = np.concatenate([axes.ravel(), start])
+    memory = Memory(np.zeros((UNKNOWNS, UNKNOWNS)), np.zeros(UNKNOWNS),
+                    np.zeros((UNKNOWNS, UNKNOWNS)), np.zeros(UNKNOWNS), np.zeros(STATE))
+    value = _climb(seen, state, prior, steps, memory)
+    upper = np.triu(memory.hessian)
+    hessian = upper + np.triu(upper, 1).T
+    return Fit(state, np.linalg.inv(hessian + TINY * np.eye(UNKNOWNS)), value)
