@@ -46,8 +46,11 @@ LENS_SPREAD = 0.2
 # Deviation of the optical centre about the distortion centre, half diagonals: that of webcams and
 # compact cameras.
 CENTRE_SPREAD = 0.03
-# Starts that are refined, in order of likelihood, and the most steps of each.
-STARTS, STEPS = 8, 16
+# Greatest distance of the two, half diagonals: beyond it axes that explain the arcs are wrong ones.
+MAX_OFF_CENTRE = 0.1
+# Starts that are refined, in order of likelihood; steps of each, and of those that are left; they
+# are the same if nothing differs by more than SAME, of axes (radians) and ln f.
+STARTS, FIRST_STEPS, STEPS, SAME = 10, 4, 16, 0.02
 # Another focal length is a rival if it differs by more than RIVAL in ln f, and its log likelihood
 # comes within CLOSE of each arc to the best.
 RIVAL, CLOSE = 0.1, 0.15
@@ -180,9 +183,26 @@ def _fits(seen: np.ndarray, lam: float, deviation: float, focal: float | None) -
                          else (math.log(focal), GIVEN))
     spreads = np.array([spread, deviation, CENTRE_SPREAD, CENTRE_SPREAD])
     prior = Prior(np.array([log_focal, lam, 0.0, 0.0]), spreads ** -2)
-    fits = [refine(seen, axes[k], np.array([math.log(focals[k]), lam, 0.0, 0.0]), prior, STEPS)
-            for k in np.argsort(-likelihood)[:STARTS] if np.isfinite(likelihood[k])]
-    return sorted(fits, key=lambda fit: -fit.posterior)
+    starts = [np.concatenate([axes[k].ravel(), [math.log(focals[k])], prior.mean[1:]])
+              for k in np.argsort(-likelihood)[:STARTS] if np.isfinite(likelihood[k])]
+    fits = _distinct([refine(seen, start, prior, FIRST_STEPS) for start in starts], len(seen))
+    return _distinct([refine(seen, fit.state, prior, STEPS) for fit in fits], len(seen))
+
+
+def _order(fit: Fit) -> float:
+    return -fit.posterior
+
+
+def _distinct(fits: list[Fit], count: int) -> list[Fit]:
+    """Return the fits that may become the best or a rival, and each only once."""
+    near = [fit for fit in fits if np.hypot(*fit.state[CENTRE:]) < MAX_OFF_CENTRE]
+    least = max((fit.posterior for fit in near), default=0.0) - 2 * CLOSE * count
+    kept: list[Fit] = []
+    for fit in sorted(near, key=_order):
+        is_new = all(np.abs(fit.state - other.state)[:LAMBDA].max() > SAME for other in kept)
+        if fit.posterior >= least and is_new:
+            kept.append(fit)
+    return kept
 
 
 class _Focal(NamedTuple):

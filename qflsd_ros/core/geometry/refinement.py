@@ -31,20 +31,23 @@ PEAK = math.pi * math.gamma((NU + 1) / 2) / (math.sqrt(NU * math.pi) * math.gamm
 # The state: the axes (rows of 3 x 3), ln f, lambda, and the optical centre.
 LOG_FOCAL, LAMBDA, CENTRE, STATE = 9, 10, 11, 13
 UNKNOWNS = 7                # three of a rotation, and the last four of the state
-# Damping of the first step, its factors after a good and a bad step, and its limit.
-DAMPING, EASE, BRAKE, STUCK = 1e-2, 0.2, 8.0, 1e6
+# Damping of the first step, and its factors after a good and a bad step.
+DAMPING, EASE, BRAKE = 1e-2, 0.2, 8.0
 NEGLIGIBLE = 1e-3           # probability of a direction below which an arc does not count for it
 TINY = 1e-12                # below any diagonal element of a Hessian that occurs
 SETTLED = 1e-4              # gain in log likelihood below which a step is the last one
 
 
 class Memory(NamedTuple):
-    """What a refinement works in; the last row of an array of (STATES, STATE) is a trial."""
+    """What a refinement works in; n = UNKNOWNS."""
 
-    hessian: np.ndarray     # (UNKNOWNS, UNKNOWNS)
-    slope: np.ndarray       # (UNKNOWNS,)
-    factor: np.ndarray      # (UNKNOWNS, UNKNOWNS), Cholesky's
-    step: np.ndarray        # (UNKNOWNS,)
+    points: np.ndarray      # (3, 3) vanishing points of the axes
+    hessian: np.ndarray     # (n, n), and slope, of the state
+    slope: np.ndarray       # (n,)
+    tried: np.ndarray       # (n, n), and slope, of the trial
+    tried_slope: np.ndarray     # (n,)
+    factor: np.ndarray      # (n, n), Cholesky's
+    step: np.ndarray        # (n,)
     trial: np.ndarray       # (STATE,)
 
 
@@ -63,8 +66,8 @@ class Fit(NamedTuple):
     ----------
     state
         (STATE,) axes, ln f in half diagonals, lambda, optical centre in half diagonals.
-    covariance
-        (7, 7) inverse Hessian of the negative log posterior, by a rotation about x, y, z of the
+    hessian
+        (UNKNOWNS, UNKNOWNS) of the negative log posterior, by a rotation about x, y, z of the
         optical frame, ln f, lambda and centre.
     posterior
         Logarithm of likelihood and prior, 0 for arcs that point anywhere and the prior's mean.
@@ -72,16 +75,30 @@ class Fit(NamedTuple):
     """
 
     state: np.ndarray
-    covariance: np.ndarray
+    hessian: np.ndarray
     posterior: float
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """Return the inverse of the Hessian."""
+        return np.linalg.inv(self.hessian + TINY * np.eye(UNKNOWNS))
+
+
+@compiled
+def vanish(state: np.ndarray, points: np.ndarray) -> None:
+    """Set the vanishing point K d of each axis d, a row each."""
+    f = math.exp(state[LOG_FOCAL])
+    for k in range(3):
+        x, y, z = state[3 * k], state[3 * k + 1], state[3 * k + 2]
+        points[k, 0] = f * x + state[CENTRE] * z
+        points[k, 1] = f * y + state[CENTRE + 1] * z
+        points[k, 2] = z
 
 
 @inlined
-def _seen_by(state: np.ndarray, k: int, l: Line) -> float:
+def _seen_by(points: np.ndarray, k: int, l: Line) -> float:
     """Return l v of the vanishing point v of axis k."""
-    f = math.exp(state[LOG_FOCAL])
-    x, y, z = state[3 * k], state[3 * k + 1], state[3 * k + 2]
-    return (l[0] * (f * x + state[CENTRE] * z) + l[1] * (f * y + state[CENTRE + 1] * z) + l[2] * z)
+    return l[0] * points[k, 0] + l[1] * points[k, 1] + l[2] * points[k, 2]
 
 
 @inlined
@@ -93,48 +110,49 @@ def density(along: float, across: float, deviation: float) -> float:
 
 
 @compiled
-def _accumulate(seen: np.ndarray, state: np.ndarray, memory: Memory) -> float:
+def _accumulate(seen: np.ndarray, state: np.ndarray, points: np.ndarray, hessian: np.ndarray,
+                slope: np.ndarray) -> float:
     """Set slope and Hessian of the negative log likelihood, and return the log likelihood."""
-    hessian, slope = memory.hessian, memory.slope
     hessian[:], slope[:] = 0.0, 0.0
-    total, lam = 0.0, state[LAMBDA]
+    vanish(state, points)
+    f, total, lam = math.exp(state[LOG_FOCAL]), 0.0, state[LAMBDA]
     for i in range(len(seen)):
         x, y, u, v = seen[i, X], seen[i, Y], seen[i, NORMAL_X], seen[i, NORMAL_Y]
         deviation = seen[i, DEVIATION]
         a, b = line(x, y, u, v, lam), line(x, y, v, -u, lam)
         mixture = NONE
         for k in range(3):
-            mixture += (1 - NONE) / 3 * density(_seen_by(state, k, a), _seen_by(state, k, b),
+            mixture += (1 - NONE) / 3 * density(_seen_by(points, k, a), _seen_by(points, k, b),
                                                 deviation)
         total += math.log(mixture)
+        # Derivatives of the first two parts of both lines by lambda.
+        cross, across = x * x - y * y, 2 * x * y
+        normal, tangent = (u * cross + v * across, u * across - v * cross), (
+            v * cross - u * across, v * across + u * cross)
         for k in range(3):
-            along, across = _seen_by(state, k, a), _seen_by(state, k, b)
-            share = (1 - NONE) / 3 * density(along, across, deviation) / mixture
+            along, beside = _seen_by(points, k, a), _seen_by(points, k, b)
+            share = (1 - NONE) / 3 * density(along, beside, deviation) / mixture
             if share < NEGLIGIBLE:
                 continue
-            square = along * along + across * across
-            error = along * across / square
+            square = along * along + beside * beside
+            p, q = beside / square, -along / square
             weight = share * (NU + 1) / (NU * deviation * deviation + along * along / square)
-            p, q = across / square, -along / square
-            bend = (p * (u * (x * x - y * y) + 2 * v * x * y)
-                    + q * (v * (x * x - y * y) - 2 * u * x * y),
-                    p * (2 * u * x * y - v * (x * x - y * y))
-                    + q * (2 * v * x * y + u * (x * x - y * y)))
-            j = _derivatives(state, k, (p * a[0] + q * b[0], p * a[1] + q * b[1],
-                                        p * a[2] + q * b[2]), bend)
-            _add(hessian, slope, j, weight, error)
+            both = (p * a[0] + q * b[0], p * a[1] + q * b[1], p * a[2] + q * b[2])
+            bend = p * normal[0] + q * tangent[0], p * normal[1] + q * tangent[1]
+            j = _derivatives(state, points, k, f, both, bend)
+            _add(hessian, slope, j, weight, along * p)
     return total
 
 
 @inlined
-def _derivatives(state: np.ndarray, k: int, l: Line, bend: tuple[float, float]
-                 ) -> tuple[float, ...]:
+def _derivatives(state: np.ndarray, points: np.ndarray, k: int, f: float, l: Line,
+                 bend: tuple[float, float]) -> tuple[float, ...]:
     """Return the derivatives of l v by all unknowns; ``bend`` is that of l's x, y by lambda."""
-    f, cx, cy = math.exp(state[LOG_FOCAL]), state[CENTRE], state[CENTRE + 1]
     x, y, z = state[3 * k], state[3 * k + 1], state[3 * k + 2]
-    nx, ny, nz = f * l[0], f * l[1], cx * l[0] + cy * l[1] + l[2]
+    nx, ny = f * l[0], f * l[1]
+    nz = state[CENTRE] * l[0] + state[CENTRE + 1] * l[1] + l[2]
     return (y * nz - z * ny, z * nx - x * nz, x * ny - y * nx, nx * x + ny * y,
-            bend[0] * (f * x + cx * z) + bend[1] * (f * y + cy * z), l[0] * z, l[1] * z)
+            bend[0] * points[k, 0] + bend[1] * points[k, 1], l[0] * z, l[1] * z)
 
 
 @inlined
@@ -150,13 +168,22 @@ def _add(hessian: np.ndarray, slope: np.ndarray, j: tuple[float, ...], weight: f
 @compiled
 def _evaluate(seen: np.ndarray, state: np.ndarray, prior: Prior, memory: Memory) -> float:
     """Set slope and Hessian of the negative log posterior, and return the log posterior."""
-    total = _accumulate(seen, state, memory)
+    total = _accumulate(seen, state, memory.points, memory.tried, memory.tried_slope)
     for k in range(4):
         off = state[LOG_FOCAL + k] - prior.mean[k]
-        memory.slope[3 + k] += prior.precision[k] * off
-        memory.hessian[3 + k, 3 + k] += prior.precision[k]
+        memory.tried_slope[3 + k] += prior.precision[k] * off
+        memory.tried[3 + k, 3 + k] += prior.precision[k]
         total -= prior.precision[k] * off * off / 2
     return total
+
+
+@compiled
+def _keep(memory: Memory) -> None:
+    """Take over slope and Hessian of the trial."""
+    for r in range(UNKNOWNS):
+        memory.slope[r] = memory.tried_slope[r]
+        for c in range(r, UNKNOWNS):
+            memory.hessian[r, c] = memory.tried[r, c]
 
 
 @compiled
@@ -203,26 +230,25 @@ def _move(state: np.ndarray, step: np.ndarray, moved: np.ndarray) -> None:
 def _climb(seen: np.ndarray, state: np.ndarray, prior: Prior, steps: int, memory: Memory) -> float:
     """Move the state to the maximum of the posterior, the logarithm of which is returned."""
     value, damping = _evaluate(seen, state, prior, memory), DAMPING
+    _keep(memory)
     for _ in range(steps):
         _solve(memory, damping)
         _move(state, memory.step, memory.trial)
         tried = _evaluate(seen, memory.trial, prior, memory)
-        if tried >= value:
-            gained, value = tried - value, tried
-            for k in range(STATE):
-                state[k] = memory.trial[k]
-            damping *= EASE
-            if gained < SETTLED:
-                break
-        else:
+        if tried < value:
             damping *= BRAKE
-            value = _evaluate(seen, state, prior, memory)
-            if damping > STUCK:
-                break
+            continue
+        gained, value = tried - value, tried
+        damping *= EASE
+        _keep(memory)
+        for k in range(STATE):
+            state[k] = memory.trial[k]
+        if gained < SETTLED:
+            break
     return value
 
 
-def refine(seen: np.ndarray, axes: np.ndarray, start: np.ndarray, prior: Prior, steps: int) -> Fit:
+def refine(seen: np.ndarray, start: np.ndarray, prior: Prior, steps: int) -> Fit:
     """
     Return the local maximum of the posterior near a start.
 
@@ -230,20 +256,17 @@ def refine(seen: np.ndarray, axes: np.ndarray, start: np.ndarray, prior: Prior, 
     ----------
     seen
         (N, COLUMNS) observations.
-    axes
-        (3, 3) orthogonal directions, a unit vector in each row.
     start
-        (4,) ln f, lambda and optical centre.
+        (STATE,)
     prior
-        Of the same.
+        Of ln f, lambda and optical centre.
     steps
         Most steps, good and bad ones.
 
     """
-    state = np.concatenate([axes.ravel(), start])
-    memory = Memory(np.zeros((UNKNOWNS, UNKNOWNS)), np.zeros(UNKNOWNS),
-                    np.zeros((UNKNOWNS, UNKNOWNS)), np.zeros(UNKNOWNS), np.zeros(STATE))
+    n, state = UNKNOWNS, start.copy()
+    memory = Memory(np.zeros((3, 3)), np.zeros((n, n)), np.zeros(n), np.zeros((n, n)), np.zeros(n),
+                    np.zeros((n, n)), np.zeros(n), np.zeros(STATE))
     value = _climb(seen, state, prior, steps, memory)
-    upper = np.triu(memory.hessian)
-    hessian = upper + np.triu(upper, 1).T
-    return Fit(state, np.linalg.inv(hessian + TINY * np.eye(UNKNOWNS)), value)
+    hessian = memory.hessian + np.triu(memory.hessian, 1).T
+    return Fit(state, hessian, value)

@@ -33,7 +33,7 @@ FOCALS = np.geomspace(0.3, 8.0, 20)
 # Cosine of the angle that two points of a hypothesis may have at most.
 TURN = math.sin(math.radians(9.0))
 # Share of the arcs that point in none of three directions.
-NONE = 0.15
+NONE = 0.3
 # Most further horizontal directions, and the gain in log likelihood that each needs.
 FURTHER, FURTHER_GAIN = 3, 8.0
 # Products of likelihood ratios, up to 115 each, that float64 can hold before a logarithm.
@@ -74,6 +74,13 @@ def meet(rows: np.ndarray, i: int, j: int, u: np.ndarray) -> None:
     size = math.sqrt(u[0] * u[0] + u[1] * u[1] + u[2] * u[2])
     for k in range(3):
         u[k] = u[k] / size if size > 1e-9 else 0.0
+
+
+@compiled
+def _gains(rows: np.ndarray, known: np.ndarray, points: np.ndarray, gains: np.ndarray) -> None:
+    """Set the gain of each point."""
+    for k in range(len(points)):
+        gains[k] = gain(rows, known, points[k])
 
 
 @compiled
@@ -307,9 +314,10 @@ def horizontal(rows: np.ndarray, axes: np.ndarray, camera: np.ndarray) -> np.nda
         candidates = (candidates / np.maximum(size, 1e-9))[size[:, 0] > 0.1]
         if not len(candidates):
             break
-        gains = [gain(rows, none / 3, u) for u in candidates @ camera.T]
+        gains = np.empty(len(candidates))
+        _gains(rows, none / 3, candidates @ camera.T, gains)
         best = candidates[np.argmax(gains)]
-        if max(gains) < FURTHER_GAIN:
+        if gains.max() < FURTHER_GAIN:
             break
         found = np.concatenate([found, best[None]])
     return found
