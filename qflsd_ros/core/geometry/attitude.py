@@ -23,9 +23,10 @@ from typing import NamedTuple
 import numpy as np
 
 from qflsd_ros.core.arcs import Arcs
-from qflsd_ros.core.geometry.great_circles import lines, observe, Observed
+from qflsd_ros.core.geometry.great_circles import (
+    DEVIATION, lines, observe, Observed, PRECISION, SHARPNESS)
 from qflsd_ros.core.geometry.refinement import (
-    CENTRE, Fit, LAMBDA, LOG_FOCAL, Prior, refine)
+    CENTRE, Fit, LAMBDA, LOG_FOCAL, Prior, refine, scale)
 from qflsd_ros.core.geometry.vanishing import (
     FOCALS, frames, horizontal, NONE, shares, vanishing_points)
 from qflsd_ros.core.lens.division import DivisionModel
@@ -56,12 +57,15 @@ STARTS, FIRST_STEPS, STEPS, SAME = 10, 4, 16, 0.02
 RIVAL, CLOSE = 0.1, 0.15
 # Greatest deviation of an observable ln f, and of up (radians).
 MAX_FOCAL_STD, MAX_UP_STD = 0.05, math.radians(3.0)
-# The deviations of the Hessian count INFLATION times, since neighbouring arcs share their flaws;
-# the floors are the flaws of lens and place, which more arcs do not average.  So the ratio of
-# error and deviation is 1 on annotated photographs.
-INFLATION, FOCAL_FLOOR, UP_FLOOR = 1.5, 0.015, math.radians(0.35)
-# Log likelihood for each arc that axes must gain over arcs that point anywhere.
-LEAST_GAIN = 0.25
+# Errors that arcs share and more of them do not average: places are not quite orthogonal, lenses
+# not quite division models.  They grow with the square of the scatter of arcs, that of annotated
+# photographs being about .7: of ln f, of ln f for lambda = 1, and of up (radians).  Chosen so that
+# errors are one deviation there; on a rendered room, where nothing is shared, they are less.
+SHARED_FOCAL, SHARED_LENS, SHARED_UP = 0.04, 0.11, math.radians(1.1)
+# Log likelihood that axes must gain over arcs that point anywhere, for each arc and in all, and
+# that a single axis must gain to count: 600 images of random arcs, and 160 of parallel and random
+# ones, gained 29 and 9 at most.
+GAIN_EACH, GAIN_ALL, GAIN_AXIS = 0.25, 35.0, 10.0
 
 
 @dataclass(frozen=True)
@@ -81,8 +85,8 @@ class Attitude:
     up_std
         Standard deviation of its direction, radians, on the worse side; None without it.
     directions
-        (K, 3) float64 unit vectors in the optical frame: three orthogonal ones, up or down first,
-        and further horizontal ones.  Their signs mean nothing.
+        (K, 3) float64 unit vectors in the optical frame: three orthogonal ones, the vertical one
+        first, and further horizontal ones.  The first one points up, all others forward.
     labels
         (M,) int64, for each arc the index of its direction, -1 for none.
     lens
@@ -102,9 +106,33 @@ class Attitude:
     centre: tuple[float, float]
 
 
+class _Solution(NamedTuple):
+    """
+    What the arcs of an image say.
+
+    Attributes
+    ----------
+    fits
+        Local maxima of the posterior, the highest first; at least one.
+    seen
+        The observations, with deviations that fit their residuals.
+    scale
+        The factor of these.
+    prior
+        Of all fits.
+
+    """
+
+    fits: list[Fit]
+    seen: np.ndarray
+    scale: float
+    prior: Prior
+
+
 def estimate_attitude(arcs: Arcs, shape: tuple[int, int],
                       lens: LensEstimate | DivisionModel | None = None,
-                      focal: float | None = None) -> Attitude | None:
+                      focal: float | None = None, *,
+                      up_hint: tuple[float, float, float] = (0.0, -1.0, 0.0)) -> Attitude | None:
     """
     Estimate attitude and focal length from the arcs of one image.
 
@@ -119,43 +147,45 @@ def estimate_attitude(arcs: Arcs, shape: tuple[int, int],
         determine it, as far as they can.
     focal
         Focal length in px at the distortion centre if it is known, else None.
+    up_hint
+        About where up is in the optical frame (x right, y down, z forward): up is the axis
+        closest to it, within 45 degrees at best.
 
     Returns
     -------
     attitude
-        None where the arcs do not show three orthogonal directions.  The log has the reason.
+        None where the arcs do not show orthogonal directions.  The log has the reason.
 
     Raises
     ------
     ValueError
-        The focal length is not above 0, or the lens is that of images of another size.
+        The focal length is not above 0, the lens is that of images of another size, or the hint
+        has no direction.
 
     """
-    _check(shape, lens, focal)
+    _check(shape, lens, focal, up_hint)
     model, deviation = _lens(arcs, shape, lens)
     observed = observe(arcs, model)
     if len(observed.arcs) < LEAST_ARCS:
         return _abstain(f'{len(observed.arcs)} arcs, must be at least {LEAST_ARCS}')
     known = None if focal is None else focal / model.half_diagonal
-    fits = _fits(observed.seen[:USED], model.lam, deviation, known)
-    if not fits:
-        return _abstain('no two vanishing points are orthogonal')
-    used = min(len(observed.arcs), USED)
-    if fits[0].posterior < LEAST_GAIN * used:
-        return _abstain(f'axes gain {fits[0].posterior / used:.2f} in log likelihood for each '
-                        f'arc, must be at least {LEAST_GAIN}')
-    return _attitude(arcs, observed, model, fits, focal)
+    solution = _solve(observed.seen[:USED], model.lam, deviation, known)
+    if solution is None:
+        return None
+    return _attitude(solution, _Image(observed, len(arcs), model, focal), np.array(up_hint, float))
 
 
 def _check(shape: tuple[int, int], lens: LensEstimate | DivisionModel | None,
-           focal: float | None) -> None:
+           focal: float | None, up_hint: tuple[float, float, float]) -> None:
     """Raise ValueError where arguments contradict each other or themselves."""
     if focal is not None and not 0 < focal < math.inf:
         raise ValueError(f'focal is {focal}: must be above 0 px and finite, or None')
+    if not 0 < math.hypot(*up_hint) < math.inf:
+        raise ValueError(f'up_hint is {tuple(up_hint)}: must be finite and have a direction')
     model = lens.model if isinstance(lens, LensEstimate) else lens
     if model is not None and tuple(model.shape) != tuple(shape):
-        raise ValueError(f'lens is that of images of {model.shape}, shape is {tuple(shape)}: '
-                         'must be the same (height, width)')
+        raise ValueError(f'lens is that of images of {tuple(model.shape)}, shape is '
+                         f'{tuple(shape)}: must be the same (height, width)')
 
 
 def _abstain(reason: str) -> None:
@@ -174,93 +204,145 @@ def _lens(arcs: Arcs, shape: tuple[int, int], lens: LensEstimate | DivisionModel
     return lens.model, max(lens.std, LENS_ERROR * (1 - lens.lam / 3) ** 2)
 
 
-def _fits(seen: np.ndarray, lam: float, deviation: float, focal: float | None) -> list[Fit]:
-    """Return local maxima of the posterior, the highest first; ``focal`` in half diagonals."""
-    rows = lines(seen, lam)
-    focals = FOCALS if focal is None else np.array([focal])
-    axes, likelihood = frames(rows, vanishing_points(rows), focals, NONE)
+def _solve(seen: np.ndarray, lam: float, deviation: float, focal: float | None
+           ) -> _Solution | None:
+    """
+    Return the most likely axes, focal lengths and lenses, if arcs agree on any.
+
+    ``lam`` and ``deviation`` are a prior of lambda; the focal length, if known, is in half
+    diagonals.
+    """
     log_focal, spread = ((LOG_FOCAL_MEAN, LOG_FOCAL_STD) if focal is None
                          else (math.log(focal), GIVEN))
     spreads = np.array([spread, deviation, CENTRE_SPREAD, CENTRE_SPREAD])
     prior = Prior(np.array([log_focal, lam, 0.0, 0.0]), spreads ** -2)
-    starts = [np.concatenate([axes[k].ravel(), [math.log(focals[k])], prior.mean[1:]])
-              for k in np.argsort(-likelihood)[:STARTS] if np.isfinite(likelihood[k])]
+    starts = _starts(lines(seen, lam), FOCALS if focal is None else np.array([focal]), lam)
     fits = _distinct([refine(seen, start, prior, FIRST_STEPS) for start in starts], len(seen))
-    return _distinct([refine(seen, fit.state, prior, STEPS) for fit in fits], len(seen))
+    if not fits:
+        return _abstain('no two vanishing points are orthogonal')
+    least = max(GAIN_EACH * len(seen), GAIN_ALL)
+    if fits[0].posterior < least:
+        return _abstain(f'axes gain {fits[0].posterior:.1f} in log likelihood, must be at least '
+                        f'{least:.1f}')
+    factor = scale(seen, fits[0])
+    seen = seen.copy()
+    seen[:, DEVIATION] *= factor
+    fits = _distinct([refine(seen, fit.state, prior, STEPS) for fit in fits], len(seen))
+    return _Solution(fits, seen, factor, prior) if fits else None
 
 
-def _order(fit: Fit) -> float:
-    return -fit.posterior
+def _starts(rows: np.ndarray, focals: np.ndarray, lam: float) -> list[np.ndarray]:
+    """Return states to begin with, one for each of the best focal lengths (half diagonals)."""
+    axes, likelihood = frames(rows, vanishing_points(rows), focals, NONE)
+    return [np.concatenate([axes[k].ravel(), [math.log(focals[k]), lam, 0.0, 0.0]])
+            for k in np.argsort(-likelihood)[:STARTS] if np.isfinite(likelihood[k])]
 
 
 def _distinct(fits: list[Fit], count: int) -> list[Fit]:
-    """Return the fits that may become the best or a rival, and each only once."""
+    """Return the fits that may become the best or a rival, the best first, each only once."""
     near = [fit for fit in fits if np.hypot(*fit.state[CENTRE:]) < MAX_OFF_CENTRE]
     least = max((fit.posterior for fit in near), default=0.0) - 2 * CLOSE * count
     kept: list[Fit] = []
-    for fit in sorted(near, key=_order):
+    for fit in sorted(near, key=lambda fit: -fit.posterior):
         is_new = all(np.abs(fit.state - other.state)[:LAMBDA].max() > SAME for other in kept)
         if fit.posterior >= least and is_new:
             kept.append(fit)
     return kept
 
 
-class _Focal(NamedTuple):
-    """A focal length, px, and its deviation; or why there is none."""
+class _Image(NamedTuple):
+    """The arcs of an image, how many there are, its lens, and its focal length if given (px)."""
 
-    value: float | None
-    std: float | None
-
-
-def _focal(fits: list[Fit], count: int, unit: float) -> _Focal:
-    """Return the focal length of ``count`` arcs if they determine it."""
-    best = fits[0]
-    log_focal = best.state[LOG_FOCAL]
-    std = math.hypot(INFLATION * math.sqrt(best.covariance[3, 3]), FOCAL_FLOOR)
-    rivals = [fit for fit in fits if abs(fit.state[LOG_FOCAL] - log_focal) > RIVAL
-              and fit.posterior > best.posterior - CLOSE * count]
-    if rivals or std > MAX_FOCAL_STD:
-        _abstain(f'focal length has a relative deviation of {std:.3f}, must be at most '
-                 f'{MAX_FOCAL_STD}, and {len(rivals)} rivals')
-        return _Focal(None, None)
-    focal = math.exp(log_focal) * unit
-    return _Focal(focal, std * focal)
+    observed: Observed
+    count: int
+    lens: DivisionModel
+    focal: float | None
 
 
-def _up(axes: np.ndarray, fit: Fit) -> tuple[np.ndarray | None, float | None]:
-    """Return up and its deviation, if it is determined; axes have the vertical one first."""
-    up = -axes[0] * math.copysign(1.0, axes[0, 1])
-    turn = np.cross(np.eye(3), up)      # rows: change of up by a rotation about each axis
-    spread = np.linalg.eigvalsh(turn.T @ fit.covariance[:3, :3] @ turn)[-1]
-    std = math.hypot(INFLATION * math.sqrt(spread), UP_FLOOR)
-    if std > MAX_UP_STD:
-        _abstain(f'up has a deviation of {math.degrees(std):.1f} degrees, must be at most '
-                 f'{math.degrees(MAX_UP_STD):.1f}')
-        return None, None
-    return up, std
-
-
-def _attitude(arcs: Arcs, observed: Observed, model: DivisionModel, fits: list[Fit],
-              given: float | None) -> Attitude | None:
+def _attitude(solution: _Solution, image: _Image, hint: np.ndarray) -> Attitude | None:
     """Return the attitude of the best fit, without what is not observable."""
-    state = fits[0].state
-    axes = state[:9].reshape(3, 3)
-    axes = axes[np.argsort(-np.abs(axes[:, 1]), kind='stable')]
-    unit, used = model.half_diagonal, min(len(observed.arcs), USED)
-    focal = _Focal(given, 0.0) if given is not None else _focal(fits, used, unit)
-    up, up_std = _up(axes, fits[0])
-    if up is None and focal.value is None:
+    fit, supported = _supported(solution)
+    if np.count_nonzero(supported) < 2:
+        return _abstain(f'arcs point in {np.count_nonzero(supported)} of three orthogonal '
+                        'directions, must be at least 2')
+    state, scatter = fit.state, solution.scale ** 2
+    axes = _arranged(state[:9].reshape(3, 3), hint)
+    focal = (image.focal, 0.0) if image.focal is not None else _focal(solution, fit)
+    if focal is not None and image.focal is None:
+        focal = focal[0] * image.lens.half_diagonal, focal[1] * image.lens.half_diagonal
+    up_std = _up_std(axes[0], fit, scatter)
+    if focal is None and up_std is None:
         return None
-    centre = state[CENTRE:]
-    camera = np.array([[math.exp(state[LOG_FOCAL]), 0, centre[0]],
-                       [0, math.exp(state[LOG_FOCAL]), centre[1]], [0, 0, 1]])
-    rows = lines(observed.seen, state[LAMBDA])
+    camera = _camera(state)
+    rows = lines(image.observed.seen, state[LAMBDA])
+    rows[SHARPNESS] /= solution.scale
+    rows[PRECISION] /= scatter
     directions = np.concatenate([axes, horizontal(rows, axes, camera)])
-    labels = np.full(len(arcs), -1)
-    labels[observed.arcs] = _labels(rows, directions @ camera.T)
-    return Attitude(focal.value, focal.std, up, up_std, directions, labels,
-                    replace(model, lam=float(state[LAMBDA])),
-                    tuple((model.origin + centre * unit).tolist()))
+    labels = np.full(image.count, -1)
+    labels[image.observed.arcs] = _labels(rows, directions @ camera.T)
+    centre = image.lens.origin + state[CENTRE:] * image.lens.half_diagonal
+    return Attitude(*(focal or (None, None)), None if up_std is None else axes[0], up_std,
+                    directions, labels, replace(image.lens, lam=float(state[LAMBDA])),
+                    tuple(centre.tolist()))
+
+
+def _supported(solution: _Solution) -> tuple[Fit, np.ndarray]:
+    """
+    Return the best fit without the arcs of axes that few point to, and which axes count, (3,).
+
+    Some of many arcs point along any axis by chance, and would determine it.
+    """
+    best = solution.fits[0]
+    share = shares(lines(solution.seen, best.state[LAMBDA]), _axes(best.state) @ _camera(best.state).T)
+    # Without an axis, arcs point in none more often.
+    none = 1 - share.sum(axis=0)
+    gains = -np.log(1 - share + none * (1 - NONE) / (3 * NONE)).sum(axis=1)
+    supported = gains > GAIN_AXIS
+    counts = supported[share.argmax(axis=0)] | (share.max(axis=0) < 0.5)
+    return refine(solution.seen[counts], best.state, solution.prior, 0), supported
+
+
+def _axes(state: np.ndarray) -> np.ndarray:
+    return state[:LOG_FOCAL].reshape(3, 3)
+
+
+def _camera(state: np.ndarray) -> np.ndarray:
+    """Return K, from directions to vanishing points in half diagonals: (3, 3)."""
+    focal = math.exp(state[LOG_FOCAL])
+    return np.array([[focal, 0, state[CENTRE]], [0, focal, state[CENTRE + 1]], [0, 0, 1]])
+
+
+def _arranged(axes: np.ndarray, hint: np.ndarray) -> np.ndarray:
+    """Return the axes, the one that is closest to the hint first; it points up, others forward."""
+    axes = axes[np.argsort(-np.abs(axes @ hint), kind='stable')]
+    signs = np.where(axes[:, 2] < 0, -1.0, 1.0)
+    signs[0] = math.copysign(1.0, axes[0] @ hint)
+    return axes * signs[:, None]
+
+
+def _focal(solution: _Solution, fit: Fit) -> tuple[float, float] | None:
+    """Return the focal length and its deviation in half diagonals, if it is observable."""
+    log_focal, lam = fit.state[LOG_FOCAL], fit.state[LAMBDA]
+    shared = solution.scale ** 2 * math.hypot(SHARED_FOCAL, SHARED_LENS * lam)
+    std = math.hypot(math.sqrt(fit.covariance[3, 3]), shared)
+    least = solution.fits[0].posterior - CLOSE * len(solution.seen)
+    rivals = [other for other in solution.fits if other.posterior > least
+              and abs(other.state[LOG_FOCAL] - log_focal) > RIVAL]
+    if rivals or std > MAX_FOCAL_STD:
+        return _abstain(f'focal length has a relative deviation of {std:.3f}, must be at most '
+                        f'{MAX_FOCAL_STD}, and {len(rivals)} rivals')
+    return math.exp(log_focal), std * math.exp(log_focal)
+
+
+def _up_std(up: np.ndarray, fit: Fit, scatter: float) -> float | None:
+    """Return the deviation of up on its worse side, radians, if it is observable."""
+    turn = np.cross(np.eye(3), up)      # rows: change of up by a rotation about each axis
+    variance = np.linalg.eigvalsh(turn.T @ fit.covariance[:3, :3] @ turn)[-1]
+    std = math.hypot(math.sqrt(variance), SHARED_UP * scatter)
+    if std > MAX_UP_STD:
+        return _abstain(f'up has a deviation of {math.degrees(std):.1f} degrees, must be at most '
+                        f'{math.degrees(MAX_UP_STD):.1f}')
+    return std
 
 
 def _labels(rows: np.ndarray, points: np.ndarray) -> np.ndarray:

@@ -35,6 +35,8 @@ UNKNOWNS = 7                # three of a rotation, and the last four of the stat
 DAMPING, EASE, BRAKE = 1e-2, 0.2, 8.0
 NEGLIGIBLE = 1e-3           # probability of a direction below which an arc does not count for it
 TINY = 1e-12                # below any diagonal element of a Hessian that occurs
+# Steps of the scale of deviations, and its limit: what lens and edge points leave at least.
+SCALE_STEPS, LEAST_SCALE = 6, 0.1
 SETTLED = 1e-4              # gain in log likelihood below which a step is the last one
 
 
@@ -270,3 +272,37 @@ def refine(seen: np.ndarray, start: np.ndarray, prior: Prior, steps: int) -> Fit
     value = _climb(seen, state, prior, steps, memory)
     hessian = memory.hessian + np.triu(memory.hessian, 1).T
     return Fit(state, hessian, value)
+
+
+@compiled
+def _scale(seen: np.ndarray, state: np.ndarray, points: np.ndarray, scale: float) -> float:
+    """Return the next estimate of :func:`scale` from the last one."""
+    vanish(state, points)
+    squares, count, lam = 0.0, 0.0, state[LAMBDA]
+    for i in range(len(seen)):
+        x, y, u, v = seen[i, X], seen[i, Y], seen[i, NORMAL_X], seen[i, NORMAL_Y]
+        deviation = seen[i, DEVIATION] * scale
+        a, b = line(x, y, u, v, lam), line(x, y, v, -u, lam)
+        mixture = NONE
+        for k in range(3):
+            mixture += (1 - NONE) / 3 * density(_seen_by(points, k, a), _seen_by(points, k, b),
+                                                deviation)
+        for k in range(3):
+            along, beside = _seen_by(points, k, a), _seen_by(points, k, b)
+            share = (1 - NONE) / 3 * density(along, beside, deviation) / mixture
+            square = along * along / (along * along + beside * beside) / deviation ** 2
+            squares += share * (NU + 1) * square / (NU + square)
+            count += share
+    return scale * math.sqrt(squares / count) if count > 0 else scale
+
+
+def scale(seen: np.ndarray, fit: Fit) -> float:
+    """
+    Return the factor by which the deviations of the observations fit their residuals.
+
+    It is the most likely one, by a few steps of expectation maximisation.
+    """
+    value, points = 1.0, np.empty((3, 3))
+    for _ in range(SCALE_STEPS):
+        value = _scale(seen, fit.state, points, value)
+    return min(max(value, LEAST_SCALE), 1.0 / LEAST_SCALE)
