@@ -44,10 +44,10 @@ LOG_FOCAL_MEAN, LOG_FOCAL_STD = math.log(1.5), 1.0
 GIVEN = 1e-4
 # Deviation of lambda about 0 where arcs do not determine it at all: most lenses.
 LENS_SPREAD = 0.2
-# Deviation of the optical centre about the distortion centre, half diagonals: that of webcams and
-# compact cameras.
+# Deviation of the optical centre about the distortion centre, half diagonals of the undistorted
+# image: that of webcams and compact cameras.
 CENTRE_SPREAD = 0.03
-# Greatest distance of the two, half diagonals: beyond it axes that explain the arcs are wrong ones.
+# Greatest distance of the two: beyond it axes that explain the arcs are wrong ones.
 MAX_OFF_CENTRE = 0.1
 # Starts that are refined, in order of likelihood; steps of each, and of those that are left; they
 # are the same if nothing differs by more than SAME, of axes (radians) and ln f.
@@ -56,7 +56,7 @@ STARTS, FIRST_STEPS, STEPS, SAME = 10, 4, 16, 0.02
 # comes within CLOSE of each arc to the best.
 RIVAL, CLOSE = 0.1, 0.15
 # Greatest deviation of an observable ln f, and of up (radians).
-MAX_FOCAL_STD, MAX_UP_STD = 0.05, math.radians(3.0)
+MAX_FOCAL_STD, MAX_UP_STD = 0.07, math.radians(3.0)
 # Errors that arcs share and more of them do not average: places are not quite orthogonal, lenses
 # not quite division models.  They grow with the square of the scatter of arcs, that of annotated
 # photographs being about .7: of ln f, of ln f for lambda = 1, and of up (radians).  Chosen so that
@@ -167,7 +167,8 @@ def estimate_attitude(arcs: Arcs, shape: tuple[int, int],
     model, deviation = _lens(arcs, shape, lens)
     observed = observe(arcs, model)
     if len(observed.arcs) < LEAST_ARCS:
-        return _abstain(f'{len(observed.arcs)} arcs, must be at least {LEAST_ARCS}')
+        _abstain(f'{len(observed.arcs)} arcs, must be at least {LEAST_ARCS}')
+        return None
     known = None if focal is None else focal / model.half_diagonal
     solution = _solve(observed.seen[:USED], model.lam, deviation, known)
     if solution is None:
@@ -214,21 +215,29 @@ def _solve(seen: np.ndarray, lam: float, deviation: float, focal: float | None
     """
     log_focal, spread = ((LOG_FOCAL_MEAN, LOG_FOCAL_STD) if focal is None
                          else (math.log(focal), GIVEN))
-    spreads = np.array([spread, deviation, CENTRE_SPREAD, CENTRE_SPREAD])
+    off = CENTRE_SPREAD * _stretch(lam)
+    spreads = np.array([spread, deviation, off, off])
     prior = Prior(np.array([log_focal, lam, 0.0, 0.0]), spreads ** -2)
     starts = _starts(lines(seen, lam), FOCALS if focal is None else np.array([focal]), lam)
     fits = _distinct([refine(seen, start, prior, FIRST_STEPS) for start in starts], len(seen))
     if not fits:
-        return _abstain('no two vanishing points are orthogonal')
+        _abstain('no two vanishing points are orthogonal')
+        return None
     least = max(GAIN_EACH * len(seen), GAIN_ALL)
     if fits[0].posterior < least:
-        return _abstain(f'axes gain {fits[0].posterior:.1f} in log likelihood, must be at least '
-                        f'{least:.1f}')
+        _abstain(f'axes gain {fits[0].posterior:.1f} in log likelihood, must be at least '
+                 f'{least:.1f}')
+        return None
     factor = scale(seen, fits[0])
     seen = seen.copy()
     seen[:, DEVIATION] *= factor
     fits = _distinct([refine(seen, fit.state, prior, STEPS) for fit in fits], len(seen))
     return _Solution(fits, seen, factor, prior) if fits else None
+
+
+def _stretch(lam: float) -> float:
+    """Return by how much undistorting enlarges the image, to first order at its corners."""
+    return 1 + abs(lam)
 
 
 def _starts(rows: np.ndarray, focals: np.ndarray, lam: float) -> list[np.ndarray]:
@@ -240,12 +249,14 @@ def _starts(rows: np.ndarray, focals: np.ndarray, lam: float) -> list[np.ndarray
 
 def _distinct(fits: list[Fit], count: int) -> list[Fit]:
     """Return the fits that may become the best or a rival, the best first, each only once."""
-    near = [fit for fit in fits if np.hypot(*fit.state[CENTRE:]) < MAX_OFF_CENTRE]
+    near = [fit for fit in fits if np.hypot(*fit.state[CENTRE:])
+            < MAX_OFF_CENTRE * _stretch(fit.state[LAMBDA])]
     least = max((fit.posterior for fit in near), default=0.0) - 2 * CLOSE * count
     kept: list[Fit] = []
     for fit in sorted(near, key=lambda fit: -fit.posterior):
-        is_new = all(np.abs(fit.state - other.state)[:LAMBDA].max() > SAME for other in kept)
-        if fit.posterior >= least and is_new:
+        if fit.posterior < least:
+            break
+        if all(np.abs(fit.state - other.state)[:LAMBDA].max() > SAME for other in kept):
             kept.append(fit)
     return kept
 
@@ -263,13 +274,12 @@ def _attitude(solution: _Solution, image: _Image, hint: np.ndarray) -> Attitude 
     """Return the attitude of the best fit, without what is not observable."""
     fit, supported = _supported(solution)
     if np.count_nonzero(supported) < 2:
-        return _abstain(f'arcs point in {np.count_nonzero(supported)} of three orthogonal '
-                        'directions, must be at least 2')
+        _abstain(f'arcs point in {np.count_nonzero(supported)} of three orthogonal '
+                 'directions, must be at least 2')
+        return None
     state, scatter = fit.state, solution.scale ** 2
-    axes = _arranged(state[:9].reshape(3, 3), hint)
-    focal = (image.focal, 0.0) if image.focal is not None else _focal(solution, fit)
-    if focal is not None and image.focal is None:
-        focal = focal[0] * image.lens.half_diagonal, focal[1] * image.lens.half_diagonal
+    axes = _arranged(_axes(state), hint)
+    focal, focal_std = _focal(solution, fit, image)
     up_std = _up_std(axes[0], fit, scatter)
     if focal is None and up_std is None:
         return None
@@ -281,9 +291,9 @@ def _attitude(solution: _Solution, image: _Image, hint: np.ndarray) -> Attitude 
     labels = np.full(image.count, -1)
     labels[image.observed.arcs] = _labels(rows, directions @ camera.T)
     centre = image.lens.origin + state[CENTRE:] * image.lens.half_diagonal
-    return Attitude(*(focal or (None, None)), None if up_std is None else axes[0], up_std,
+    return Attitude(focal, focal_std, None if up_std is None else axes[0], up_std,
                     directions, labels, replace(image.lens, lam=float(state[LAMBDA])),
-                    tuple(centre.tolist()))
+                    (float(centre[0]), float(centre[1])))
 
 
 def _supported(solution: _Solution) -> tuple[Fit, np.ndarray]:
@@ -293,7 +303,8 @@ def _supported(solution: _Solution) -> tuple[Fit, np.ndarray]:
     Some of many arcs point along any axis by chance, and would determine it.
     """
     best = solution.fits[0]
-    share = shares(lines(solution.seen, best.state[LAMBDA]), _axes(best.state) @ _camera(best.state).T)
+    rows = lines(solution.seen, best.state[LAMBDA])
+    share = shares(rows, _axes(best.state) @ _camera(best.state).T)
     # Without an axis, arcs point in none more often.
     none = 1 - share.sum(axis=0)
     gains = -np.log(1 - share + none * (1 - NONE) / (3 * NONE)).sum(axis=1)
@@ -320,8 +331,10 @@ def _arranged(axes: np.ndarray, hint: np.ndarray) -> np.ndarray:
     return axes * signs[:, None]
 
 
-def _focal(solution: _Solution, fit: Fit) -> tuple[float, float] | None:
-    """Return the focal length and its deviation in half diagonals, if it is observable."""
+def _focal(solution: _Solution, fit: Fit, image: _Image) -> tuple[float | None, float | None]:
+    """Return the focal length and its deviation, px, if it is given or observable."""
+    if image.focal is not None:
+        return image.focal, 0.0
     log_focal, lam = fit.state[LOG_FOCAL], fit.state[LAMBDA]
     shared = solution.scale ** 2 * math.hypot(SHARED_FOCAL, SHARED_LENS * lam)
     std = math.hypot(math.sqrt(fit.covariance[3, 3]), shared)
@@ -329,9 +342,11 @@ def _focal(solution: _Solution, fit: Fit) -> tuple[float, float] | None:
     rivals = [other for other in solution.fits if other.posterior > least
               and abs(other.state[LOG_FOCAL] - log_focal) > RIVAL]
     if rivals or std > MAX_FOCAL_STD:
-        return _abstain(f'focal length has a relative deviation of {std:.3f}, must be at most '
-                        f'{MAX_FOCAL_STD}, and {len(rivals)} rivals')
-    return math.exp(log_focal), std * math.exp(log_focal)
+        _abstain(f'focal length has a relative deviation of {std:.3f}, must be at most '
+                 f'{MAX_FOCAL_STD}, and {len(rivals)} rivals')
+        return None, None
+    focal = math.exp(log_focal) * image.lens.half_diagonal
+    return focal, std * focal
 
 
 def _up_std(up: np.ndarray, fit: Fit, scatter: float) -> float | None:
@@ -340,8 +355,9 @@ def _up_std(up: np.ndarray, fit: Fit, scatter: float) -> float | None:
     variance = np.linalg.eigvalsh(turn.T @ fit.covariance[:3, :3] @ turn)[-1]
     std = math.hypot(math.sqrt(variance), SHARED_UP * scatter)
     if std > MAX_UP_STD:
-        return _abstain(f'up has a deviation of {math.degrees(std):.1f} degrees, must be at most '
-                        f'{math.degrees(MAX_UP_STD):.1f}')
+        _abstain(f'up has a deviation of {math.degrees(std):.1f} degrees, must be at most '
+                 f'{math.degrees(MAX_UP_STD):.1f}')
+        return None
     return std
 
 

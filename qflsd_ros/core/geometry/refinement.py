@@ -19,10 +19,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from qflsd_ros.core.compilation import compiled, inlined
+from qflsd_ros.core.compilation import compiled, inlined, summed
 from qflsd_ros.core.geometry.great_circles import (
     DEVIATION, Line, line, NORMAL_X, NORMAL_Y, X, Y)
-from qflsd_ros.core.geometry.vanishing import NONE
+from qflsd_ros.core.geometry.vanishing import NONE, TOGETHER
 
 # Degrees of freedom of Student's distribution of an arc's angle; and its density at 0, over that
 # of any angle, 1 / pi, for a deviation of 1.
@@ -37,7 +37,7 @@ NEGLIGIBLE = 1e-3           # probability of a direction below which an arc does
 TINY = 1e-12                # below any diagonal element of a Hessian that occurs
 # Steps of the scale of deviations, and its limit: what lens and edge points leave at least.
 SCALE_STEPS, LEAST_SCALE = 6, 0.1
-SETTLED = 1e-4              # gain in log likelihood below which a step is the last one
+SETTLED = 3e-3              # gain in log likelihood below which a step is the last one
 
 
 class Memory(NamedTuple):
@@ -111,39 +111,48 @@ def density(along: float, across: float, deviation: float) -> float:
     return PEAK / (deviation * root * root * math.sqrt(root))
 
 
-@compiled
+@inlined
+def _densities(points: np.ndarray, a: Line, b: Line, deviation: float
+               ) -> tuple[float, float, float]:
+    """Return the shares of the three axes in the density of an arc's angle, up to NONE."""
+    share = (1 - NONE) / 3
+    return (share * density(_seen_by(points, 0, a), _seen_by(points, 0, b), deviation),
+            share * density(_seen_by(points, 1, a), _seen_by(points, 1, b), deviation),
+            share * density(_seen_by(points, 2, a), _seen_by(points, 2, b), deviation))
+
+
+@summed
 def _accumulate(seen: np.ndarray, state: np.ndarray, points: np.ndarray, hessian: np.ndarray,
                 slope: np.ndarray) -> float:
     """Set slope and Hessian of the negative log likelihood, and return the log likelihood."""
     hessian[:], slope[:] = 0.0, 0.0
     vanish(state, points)
-    f, total, lam = math.exp(state[LOG_FOCAL]), 0.0, state[LAMBDA]
+    f, lam, total, product = math.exp(state[LOG_FOCAL]), state[LAMBDA], 0.0, 1.0
     for i in range(len(seen)):
         x, y, u, v = seen[i, X], seen[i, Y], seen[i, NORMAL_X], seen[i, NORMAL_Y]
         deviation = seen[i, DEVIATION]
         a, b = line(x, y, u, v, lam), line(x, y, v, -u, lam)
-        mixture = NONE
-        for k in range(3):
-            mixture += (1 - NONE) / 3 * density(_seen_by(points, k, a), _seen_by(points, k, b),
-                                                deviation)
-        total += math.log(mixture)
+        densities = _densities(points, a, b, deviation)
+        mixture = NONE + densities[0] + densities[1] + densities[2]
+        product *= mixture
+        if i % TOGETHER == TOGETHER - 1:
+            total, product = total + math.log(product), 1.0
         # Derivatives of the first two parts of both lines by lambda.
         cross, across = x * x - y * y, 2 * x * y
-        normal, tangent = (u * cross + v * across, u * across - v * cross), (
-            v * cross - u * across, v * across + u * cross)
+        a0, a1 = u * cross + v * across, u * across - v * cross
+        b0, b1 = v * cross - u * across, v * across + u * cross
         for k in range(3):
-            along, beside = _seen_by(points, k, a), _seen_by(points, k, b)
-            share = (1 - NONE) / 3 * density(along, beside, deviation) / mixture
+            share = densities[k] / mixture
             if share < NEGLIGIBLE:
                 continue
+            along, beside = _seen_by(points, k, a), _seen_by(points, k, b)
             square = along * along + beside * beside
             p, q = beside / square, -along / square
             weight = share * (NU + 1) / (NU * deviation * deviation + along * along / square)
-            both = (p * a[0] + q * b[0], p * a[1] + q * b[1], p * a[2] + q * b[2])
-            bend = p * normal[0] + q * tangent[0], p * normal[1] + q * tangent[1]
-            j = _derivatives(state, points, k, f, both, bend)
+            both = p * a[0] + q * b[0], p * a[1] + q * b[1], p * a[2] + q * b[2]
+            j = _derivatives(state, points, k, f, both, (p * a0 + q * b0, p * a1 + q * b1))
             _add(hessian, slope, j, weight, along * p)
-    return total
+    return total + math.log(product)
 
 
 @inlined
@@ -185,7 +194,7 @@ def _keep(memory: Memory) -> None:
     for r in range(UNKNOWNS):
         memory.slope[r] = memory.tried_slope[r]
         for c in range(r, UNKNOWNS):
-            memory.hessian[r, c] = memory.tried[r, c]
+            memory.hessian[r, c] = memory.hessian[c, r] = memory.tried[r, c]
 
 
 @compiled
@@ -270,11 +279,10 @@ def refine(seen: np.ndarray, start: np.ndarray, prior: Prior, steps: int) -> Fit
     memory = Memory(np.zeros((3, 3)), np.zeros((n, n)), np.zeros(n), np.zeros((n, n)), np.zeros(n),
                     np.zeros((n, n)), np.zeros(n), np.zeros(STATE))
     value = _climb(seen, state, prior, steps, memory)
-    hessian = memory.hessian + np.triu(memory.hessian, 1).T
-    return Fit(state, hessian, value)
+    return Fit(state, memory.hessian, value)
 
 
-@compiled
+@summed
 def _scale(seen: np.ndarray, state: np.ndarray, points: np.ndarray, scale: float) -> float:
     """Return the next estimate of :func:`scale` from the last one."""
     vanish(state, points)
@@ -283,16 +291,13 @@ def _scale(seen: np.ndarray, state: np.ndarray, points: np.ndarray, scale: float
         x, y, u, v = seen[i, X], seen[i, Y], seen[i, NORMAL_X], seen[i, NORMAL_Y]
         deviation = seen[i, DEVIATION] * scale
         a, b = line(x, y, u, v, lam), line(x, y, v, -u, lam)
-        mixture = NONE
-        for k in range(3):
-            mixture += (1 - NONE) / 3 * density(_seen_by(points, k, a), _seen_by(points, k, b),
-                                                deviation)
+        densities = _densities(points, a, b, deviation)
+        mixture = NONE + densities[0] + densities[1] + densities[2]
         for k in range(3):
             along, beside = _seen_by(points, k, a), _seen_by(points, k, b)
-            share = (1 - NONE) / 3 * density(along, beside, deviation) / mixture
             square = along * along / (along * along + beside * beside) / deviation ** 2
-            squares += share * (NU + 1) * square / (NU + square)
-            count += share
+            squares += densities[k] / mixture * (NU + 1) * square / (NU + square)
+            count += densities[k] / mixture
     return scale * math.sqrt(squares / count) if count > 0 else scale
 
 
