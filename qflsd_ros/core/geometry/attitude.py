@@ -42,11 +42,15 @@ LEAST_ARCS = 12
 LOG_FOCAL_MEAN, LOG_FOCAL_STD = math.log(1.5), 1.0
 # Deviation of a focal length that was given, relative.
 GIVEN = 1e-4
+# Deviation of lambda beyond that of its estimate, over the same root and more, times
+# (1 - lambda / 3)^2, by which the same change bends lines less.
+LENS_FLAW = LENS_ERROR / 2
 # Deviation of lambda about 0 where arcs do not determine it at all: most lenses.
 LENS_SPREAD = 0.2
 # Deviation of the optical centre about the distortion centre, half diagonals of the undistorted
-# image: that of webcams and compact cameras.
-CENTRE_SPREAD = 0.03
+# image: that of webcams and compact cameras, .03, over the root of 2, as arcs count for more than
+# independent ones would.
+CENTRE_SPREAD = 0.02
 # Greatest distance of the two: beyond it axes that explain the arcs are wrong ones.
 MAX_OFF_CENTRE = 0.1
 # Starts that are refined, in order of likelihood; steps of each, and of those that are left; they
@@ -200,9 +204,8 @@ def _lens(arcs: Arcs, shape: tuple[int, int], lens: LensEstimate | DivisionModel
         lens = estimate_distortion([arcs], shape, max_std=math.inf)
     if lens is None:
         return DivisionModel(0.0, shape), LENS_SPREAD
-    if isinstance(lens, DivisionModel):
-        return lens, LENS_ERROR * (1 - lens.lam / 3) ** 2
-    return lens.model, max(lens.std, LENS_ERROR * (1 - lens.lam / 3) ** 2)
+    model, std = (lens, 0.0) if isinstance(lens, DivisionModel) else (lens.model, lens.std / 2)
+    return model, max(std, LENS_FLAW * (1 - model.lam / 3) ** 2)
 
 
 def _solve(seen: np.ndarray, lam: float, deviation: float, focal: float | None
@@ -262,10 +265,10 @@ def _distinct(fits: list[Fit], count: int) -> list[Fit]:
 
 
 class _Image(NamedTuple):
-    """The arcs of an image, how many there are, its lens, and its focal length if given (px)."""
+    """Observations of an image, the number of its arcs, its lens, its focal length if given."""
 
     observed: Observed
-    count: int
+    arcs: int
     lens: DivisionModel
     focal: float | None
 
@@ -288,7 +291,7 @@ def _attitude(solution: _Solution, image: _Image, hint: np.ndarray) -> Attitude 
     rows[SHARPNESS] /= solution.scale
     rows[PRECISION] /= scatter
     directions = np.concatenate([axes, horizontal(rows, axes, camera)])
-    labels = np.full(image.count, -1)
+    labels = np.full(image.arcs, -1)
     labels[image.observed.arcs] = _labels(rows, directions @ camera.T)
     centre = image.lens.origin + state[CENTRE:] * image.lens.half_diagonal
     return Attitude(focal, focal_std, None if up_std is None else axes[0], up_std,

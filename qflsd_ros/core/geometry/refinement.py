@@ -98,9 +98,9 @@ def vanish(state: np.ndarray, points: np.ndarray) -> None:
 
 
 @inlined
-def _seen_by(points: np.ndarray, k: int, l: Line) -> float:
+def _seen_by(points: np.ndarray, k: int, at: Line) -> float:
     """Return l v of the vanishing point v of axis k."""
-    return l[0] * points[k, 0] + l[1] * points[k, 1] + l[2] * points[k, 2]
+    return at[0] * points[k, 0] + at[1] * points[k, 1] + at[2] * points[k, 2]
 
 
 @inlined
@@ -156,14 +156,14 @@ def _accumulate(seen: np.ndarray, state: np.ndarray, points: np.ndarray, hessian
 
 
 @inlined
-def _derivatives(state: np.ndarray, points: np.ndarray, k: int, f: float, l: Line,
+def _derivatives(state: np.ndarray, points: np.ndarray, k: int, f: float, both: Line,
                  bend: tuple[float, float]) -> tuple[float, ...]:
-    """Return the derivatives of l v by all unknowns; ``bend`` is that of l's x, y by lambda."""
+    """Return the derivatives of ``both`` v by all unknowns; ``bend`` is its own by lambda."""
     x, y, z = state[3 * k], state[3 * k + 1], state[3 * k + 2]
-    nx, ny = f * l[0], f * l[1]
-    nz = state[CENTRE] * l[0] + state[CENTRE + 1] * l[1] + l[2]
+    nx, ny = f * both[0], f * both[1]
+    nz = state[CENTRE] * both[0] + state[CENTRE + 1] * both[1] + both[2]
     return (y * nz - z * ny, z * nx - x * nz, x * ny - y * nx, nx * x + ny * y,
-            bend[0] * points[k, 0] + bend[1] * points[k, 1], l[0] * z, l[1] * z)
+            bend[0] * points[k, 0] + bend[1] * points[k, 1], both[0] * z, both[1] * z)
 
 
 @inlined
