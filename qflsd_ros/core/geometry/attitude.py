@@ -63,9 +63,10 @@ RIVAL, CLOSE = 0.1, 0.15
 MAX_FOCAL_STD, MAX_UP_STD = 0.07, math.radians(3.0)
 # Errors that arcs share and more of them do not average: places are not quite orthogonal, lenses
 # not quite division models.  They grow with the square of the scatter of arcs, that of annotated
-# photographs being about .7: of ln f, of ln f for lambda = 1, and of up (radians).  Chosen so that
+# photographs being about .7: of ln f and of up (radians), and of both for lambda = 1.  Chosen so that
 # errors are one deviation there; on a rendered room, where nothing is shared, they are less.
-SHARED_FOCAL, SHARED_LENS, SHARED_UP = 0.04, 0.11, math.radians(1.1)
+SHARED_FOCAL, SHARED_FOCAL_LENS = 0.04, 0.11
+SHARED_UP, SHARED_UP_LENS = math.radians(1.1), math.radians(1.6)
 # Log likelihood that axes must gain over arcs that point anywhere, for each arc and in all, and
 # that a single axis must gain to count: 600 images of random arcs, and 160 of parallel and random
 # ones, gained 29 and 9 at most.
@@ -339,7 +340,7 @@ def _focal(solution: _Solution, fit: Fit, image: _Image) -> tuple[float | None, 
     if image.focal is not None:
         return image.focal, 0.0
     log_focal, lam = fit.state[LOG_FOCAL], fit.state[LAMBDA]
-    shared = solution.scale ** 2 * math.hypot(SHARED_FOCAL, SHARED_LENS * lam)
+    shared = solution.scale ** 2 * math.hypot(SHARED_FOCAL, SHARED_FOCAL_LENS * lam)
     std = math.hypot(math.sqrt(fit.covariance[3, 3]), shared)
     least = solution.fits[0].posterior - CLOSE * len(solution.seen)
     rivals = [other for other in solution.fits if other.posterior > least
@@ -356,7 +357,8 @@ def _up_std(up: np.ndarray, fit: Fit, scatter: float) -> float | None:
     """Return the deviation of up on its worse side, radians, if it is observable."""
     turn = np.cross(np.eye(3), up)      # rows: change of up by a rotation about each axis
     variance = np.linalg.eigvalsh(turn.T @ fit.covariance[:3, :3] @ turn)[-1]
-    std = math.hypot(math.sqrt(variance), SHARED_UP * scatter)
+    shared = scatter * math.hypot(SHARED_UP, SHARED_UP_LENS * fit.state[LAMBDA])
+    std = math.hypot(math.sqrt(variance), shared)
     if std > MAX_UP_STD:
         _abstain(f'up has a deviation of {math.degrees(std):.1f} degrees, must be at most '
                  f'{math.degrees(MAX_UP_STD):.1f}')
