@@ -26,7 +26,7 @@ from qflsd_ros.core.arcs import Arcs
 from qflsd_ros.core.geometry.great_circles import (
     DEVIATION, lines, observe, Observed, PRECISION, SHARPNESS)
 from qflsd_ros.core.geometry.refinement import (
-    CENTRE, Fit, LAMBDA, LOG_FOCAL, Prior, refine, scale)
+    CENTRE, Fit, LAMBDA, LOG_FOCAL, MU, Prior, refine, scale)
 from qflsd_ros.core.geometry.vanishing import (
     FOCALS, frames, horizontal, NONE, shares, vanishing_points)
 from qflsd_ros.core.lens.division import DivisionModel
@@ -47,6 +47,8 @@ GIVEN = 1e-4
 LENS_FLAW = LENS_ERROR / 2
 # Deviation of lambda about 0 where arcs do not determine it at all: most lenses.
 LENS_SPREAD = 0.2
+# Deviation of mu at lambda 0, and for lambda 1: -1 / 5 of its square is an equidistant fisheye.
+QUARTIC_LEAST, QUARTIC = 0.003, 0.15
 # Deviation of the optical centre about the distortion centre, half diagonals of the undistorted
 # image: that of webcams and compact cameras, .03, over the root of 2, as arcs count for more than
 # independent ones would.
@@ -63,10 +65,11 @@ RIVAL, CLOSE = 0.1, 0.15
 MAX_FOCAL_STD, MAX_UP_STD = 0.07, math.radians(3.0)
 # Errors that arcs share and more of them do not average: places are not quite orthogonal, lenses
 # not quite division models.  They grow with the square of the scatter of arcs, that of annotated
-# photographs being about .7: of ln f and of up (radians), and of both for lambda = 1.  Chosen so that
+# photographs being about .7: of ln f and of up (radians), and of both times lambda over
+# 1 + |lambda|.  Chosen so that
 # errors are one deviation there; on a rendered room, where nothing is shared, they are less.
-SHARED_FOCAL, SHARED_FOCAL_LENS = 0.04, 0.11
-SHARED_UP, SHARED_UP_LENS = math.radians(1.1), math.radians(1.6)
+SHARED_FOCAL, SHARED_FOCAL_LENS = 0.04, 0.18
+SHARED_UP, SHARED_UP_LENS = math.radians(1.1), math.radians(2.4)
 # Log likelihood that axes must gain over arcs that point anywhere, for each arc and in all, and
 # that a single axis must gain to count: 600 images of random arcs, and 160 of parallel and random
 # ones, gained 29 and 9 at most.
@@ -220,9 +223,9 @@ def _solve(seen: np.ndarray, lam: float, deviation: float, focal: float | None
     log_focal, spread = ((LOG_FOCAL_MEAN, LOG_FOCAL_STD) if focal is None
                          else (math.log(focal), GIVEN))
     off = CENTRE_SPREAD * _stretch(lam)
-    spreads = np.array([spread, deviation, off, off])
-    prior = Prior(np.array([log_focal, lam, 0.0, 0.0]), spreads ** -2)
-    starts = _starts(lines(seen, lam), FOCALS if focal is None else np.array([focal]), lam)
+    spreads = np.array([spread, deviation, QUARTIC_LEAST + QUARTIC * lam ** 2, off, off])
+    prior = Prior(np.array([log_focal, lam, 0.0, 0.0, 0.0]), spreads ** -2)
+    starts = _starts(lines(seen, lam, 0.0), FOCALS if focal is None else np.array([focal]), lam)
     fits = _distinct([refine(seen, start, prior, FIRST_STEPS) for start in starts], len(seen))
     if not fits:
         _abstain('no two vanishing points are orthogonal')
@@ -247,7 +250,7 @@ def _stretch(lam: float) -> float:
 def _starts(rows: np.ndarray, focals: np.ndarray, lam: float) -> list[np.ndarray]:
     """Return states to begin with, one for each of the best focal lengths (half diagonals)."""
     axes, likelihood = frames(rows, vanishing_points(rows), focals, NONE)
-    return [np.concatenate([axes[k].ravel(), [math.log(focals[k]), lam, 0.0, 0.0]])
+    return [np.concatenate([axes[k].ravel(), [math.log(focals[k]), lam, 0.0, 0.0, 0.0]])
             for k in np.argsort(-likelihood)[:STARTS] if np.isfinite(likelihood[k])]
 
 
@@ -288,7 +291,7 @@ def _attitude(solution: _Solution, image: _Image, hint: np.ndarray) -> Attitude 
     if focal is None and up_std is None:
         return None
     camera = _camera(state)
-    rows = lines(image.observed.seen, state[LAMBDA])
+    rows = lines(image.observed.seen, state[LAMBDA], state[MU])
     rows[SHARPNESS] /= solution.scale
     rows[PRECISION] /= scatter
     directions = np.concatenate([axes, horizontal(rows, axes, camera)])
@@ -307,7 +310,7 @@ def _supported(solution: _Solution) -> tuple[Fit, np.ndarray]:
     Some of many arcs point along any axis by chance, and would determine it.
     """
     best = solution.fits[0]
-    rows = lines(solution.seen, best.state[LAMBDA])
+    rows = lines(solution.seen, best.state[LAMBDA], best.state[MU])
     share = shares(rows, _axes(best.state) @ _camera(best.state).T)
     # Without an axis, arcs point in none more often.
     none = 1 - share.sum(axis=0)
@@ -339,8 +342,8 @@ def _focal(solution: _Solution, fit: Fit, image: _Image) -> tuple[float | None, 
     """Return the focal length and its deviation, px, if it is given or observable."""
     if image.focal is not None:
         return image.focal, 0.0
-    log_focal, lam = fit.state[LOG_FOCAL], fit.state[LAMBDA]
-    shared = solution.scale ** 2 * math.hypot(SHARED_FOCAL, SHARED_FOCAL_LENS * lam)
+    log_focal = fit.state[LOG_FOCAL]
+    shared = solution.scale ** 2 * math.hypot(SHARED_FOCAL, SHARED_FOCAL_LENS * _curved(fit))
     std = math.hypot(math.sqrt(fit.covariance[3, 3]), shared)
     least = solution.fits[0].posterior - CLOSE * len(solution.seen)
     rivals = [other for other in solution.fits if other.posterior > least
@@ -353,11 +356,16 @@ def _focal(solution: _Solution, fit: Fit, image: _Image) -> tuple[float | None, 
     return focal, std * focal
 
 
+def _curved(fit: Fit) -> float:
+    """Return how strong the distortion is, 0 to 1."""
+    return abs(fit.state[LAMBDA]) / _stretch(fit.state[LAMBDA])
+
+
 def _up_std(up: np.ndarray, fit: Fit, scatter: float) -> float | None:
     """Return the deviation of up on its worse side, radians, if it is observable."""
     turn = np.cross(np.eye(3), up)      # rows: change of up by a rotation about each axis
     variance = np.linalg.eigvalsh(turn.T @ fit.covariance[:3, :3] @ turn)[-1]
-    shared = scatter * math.hypot(SHARED_UP, SHARED_UP_LENS * fit.state[LAMBDA])
+    shared = scatter * math.hypot(SHARED_UP, SHARED_UP_LENS * _curved(fit))
     std = math.hypot(math.sqrt(variance), shared)
     if std > MAX_UP_STD:
         _abstain(f'up has a deviation of {math.degrees(std):.1f} degrees, must be at most '

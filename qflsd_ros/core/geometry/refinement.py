@@ -1,8 +1,8 @@
 """
 Refinement of three orthogonal directions, focal length and lens on all arcs at once.
 
-Unknowns are a rotation, the logarithm of the focal length f, lambda, and the optical centre c in
-the undistorted image.  A direction d has the vanishing point v = K d = (f d_x + c_x d_z,
+Unknowns are a rotation, the logarithm of the focal length f, lambda and mu of the lens, and the
+optical centre c in the undistorted image.  A direction d has the vanishing point v = K d = (f d_x + c_x d_z,
 f d_y + c_y d_z, d_z), and an arc deviates from it by the angle e with sin e = A / S, A = l v,
 B = b v, S^2 = A^2 + B^2 (see :mod:`great_circles`), hence
 
@@ -10,7 +10,7 @@ B = b v, S^2 = A^2 + B^2 (see :mod:`great_circles`), hence
 
 With N = K' l the derivative of A by a rotation is d x N.  An arc's angle follows the mixture of
 Student's distributions of three directions, and of any angle.  Levenberg-Marquardt steps on the
-expected weights, with Gaussian priors for focal length, lambda and centre.
+expected weights, with Gaussian priors for all but the rotation.
 """
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ import numpy as np
 
 from qflsd_ros.core.compilation import compiled, inlined, summed
 from qflsd_ros.core.geometry.great_circles import (
-    DEVIATION, Line, line, NORMAL_X, NORMAL_Y, X, Y)
+    bends, DEVIATION, Line, line, NORMAL_X, NORMAL_Y, X, Y)
 from qflsd_ros.core.geometry.vanishing import NONE, TOGETHER
 
 # Degrees of freedom of Student's distribution of an arc's angle; and its density at 0, over that
 # of any angle, 1 / pi, for a deviation of 1.
 NU = 1.5
 PEAK = math.pi * math.gamma((NU + 1) / 2) / (math.sqrt(NU * math.pi) * math.gamma(NU / 2))
-# The state: the axes (rows of 3 x 3), ln f, lambda, and the optical centre.
-LOG_FOCAL, LAMBDA, CENTRE, STATE = 9, 10, 11, 13
-UNKNOWNS = 7                # three of a rotation, and the last four of the state
+# The state: the axes (rows of 3 x 3), ln f, lambda, mu, and the optical centre.
+LOG_FOCAL, LAMBDA, MU, CENTRE, STATE = 9, 10, 11, 12, 14
+UNKNOWNS = 8                # three of a rotation, and the last five of the state
 # Damping of the first step, and its factors after a good and a bad step.
 DAMPING, EASE, BRAKE = 1e-2, 0.2, 8.0
 NEGLIGIBLE = 1e-3           # probability of a direction below which an arc does not count for it
@@ -54,10 +54,10 @@ class Memory(NamedTuple):
 
 
 class Prior(NamedTuple):
-    """Gaussian priors of ln f, lambda, and the optical centre x and y."""
+    """Gaussian priors of ln f, lambda, mu, and the optical centre x and y."""
 
-    mean: np.ndarray        # (4,)
-    precision: np.ndarray   # (4,) inverse variances
+    mean: np.ndarray        # (5,)
+    precision: np.ndarray   # (5,) inverse variances
 
 
 class Fit(NamedTuple):
@@ -67,10 +67,10 @@ class Fit(NamedTuple):
     Attributes
     ----------
     state
-        (STATE,) axes, ln f in half diagonals, lambda, optical centre in half diagonals.
+        (STATE,) axes, ln f in half diagonals, lambda, mu, optical centre in half diagonals.
     hessian
         (UNKNOWNS, UNKNOWNS) of the negative log posterior, by a rotation about x, y, z of the
-        optical frame, ln f, lambda and centre.
+        optical frame, ln f, lambda, mu and centre.
     posterior
         Logarithm of likelihood and prior, 0 for arcs that point anywhere and the prior's mean.
 
@@ -127,20 +127,17 @@ def _accumulate(seen: np.ndarray, state: np.ndarray, points: np.ndarray, hessian
     """Set slope and Hessian of the negative log likelihood, and return the log likelihood."""
     hessian[:], slope[:] = 0.0, 0.0
     vanish(state, points)
-    f, lam, total, product = math.exp(state[LOG_FOCAL]), state[LAMBDA], 0.0, 1.0
+    f, lens, total, product = math.exp(state[LOG_FOCAL]), (state[LAMBDA], state[MU]), 0.0, 1.0
     for i in range(len(seen)):
         x, y, u, v = seen[i, X], seen[i, Y], seen[i, NORMAL_X], seen[i, NORMAL_Y]
         deviation = seen[i, DEVIATION]
-        a, b = line(x, y, u, v, lam), line(x, y, v, -u, lam)
+        a, b = line(x, y, u, v, lens), line(x, y, v, -u, lens)
         densities = _densities(points, a, b, deviation)
         mixture = NONE + densities[0] + densities[1] + densities[2]
         product *= mixture
         if i % TOGETHER == TOGETHER - 1:
             total, product = total + math.log(product), 1.0
-        # Derivatives of the first two parts of both lines by lambda.
-        cross, across = x * x - y * y, 2 * x * y
-        a0, a1 = u * cross + v * across, u * across - v * cross
-        b0, b1 = v * cross - u * across, v * across + u * cross
+        bend_a, bend_b = bends(x, y, u, v), bends(x, y, v, -u)
         for k in range(3):
             share = densities[k] / mixture
             if share < NEGLIGIBLE:
@@ -150,20 +147,23 @@ def _accumulate(seen: np.ndarray, state: np.ndarray, points: np.ndarray, hessian
             p, q = beside / square, -along / square
             weight = share * (NU + 1) / (NU * deviation * deviation + along * along / square)
             both = p * a[0] + q * b[0], p * a[1] + q * b[1], p * a[2] + q * b[2]
-            j = _derivatives(state, points, k, f, both, (p * a0 + q * b0, p * a1 + q * b1))
+            bend = (p * bend_a[0] + q * bend_b[0], p * bend_a[1] + q * bend_b[1],
+                    p * bend_a[2] + q * bend_b[2], p * bend_a[3] + q * bend_b[3])
+            j = _derivatives(state, points, k, f, both, bend)
             _add(hessian, slope, j, weight, along * p)
     return total + math.log(product)
 
 
 @inlined
 def _derivatives(state: np.ndarray, points: np.ndarray, k: int, f: float, both: Line,
-                 bend: tuple[float, float]) -> tuple[float, ...]:
+                 bend: tuple[float, ...]) -> tuple[float, ...]:
     """Return the derivatives of ``both`` v by all unknowns; ``bend`` is its own by lambda."""
     x, y, z = state[3 * k], state[3 * k + 1], state[3 * k + 2]
     nx, ny = f * both[0], f * both[1]
     nz = state[CENTRE] * both[0] + state[CENTRE + 1] * both[1] + both[2]
     return (y * nz - z * ny, z * nx - x * nz, x * ny - y * nx, nx * x + ny * y,
-            bend[0] * points[k, 0] + bend[1] * points[k, 1], both[0] * z, both[1] * z)
+            bend[0] * points[k, 0] + bend[1] * points[k, 1],
+            bend[2] * points[k, 0] + bend[3] * points[k, 1], both[0] * z, both[1] * z)
 
 
 @inlined
@@ -180,7 +180,7 @@ def _add(hessian: np.ndarray, slope: np.ndarray, j: tuple[float, ...], weight: f
 def _evaluate(seen: np.ndarray, state: np.ndarray, prior: Prior, memory: Memory) -> float:
     """Set slope and Hessian of the negative log posterior, and return the log posterior."""
     total = _accumulate(seen, state, memory.points, memory.tried, memory.tried_slope)
-    for k in range(4):
+    for k in range(UNKNOWNS - 3):
         off = state[LOG_FOCAL + k] - prior.mean[k]
         memory.tried_slope[3 + k] += prior.precision[k] * off
         memory.tried[3 + k, 3 + k] += prior.precision[k]
@@ -270,7 +270,7 @@ def refine(seen: np.ndarray, start: np.ndarray, prior: Prior, steps: int) -> Fit
     start
         (STATE,)
     prior
-        Of ln f, lambda and optical centre.
+        Of all but the axes.
     steps
         Most steps, good and bad ones.
 
@@ -286,11 +286,11 @@ def refine(seen: np.ndarray, start: np.ndarray, prior: Prior, steps: int) -> Fit
 def _scale(seen: np.ndarray, state: np.ndarray, points: np.ndarray, scale: float) -> float:
     """Return the next estimate of :func:`scale` from the last one."""
     vanish(state, points)
-    squares, count, lam = 0.0, 0.0, state[LAMBDA]
+    squares, count, lens = 0.0, 0.0, (state[LAMBDA], state[MU])
     for i in range(len(seen)):
         x, y, u, v = seen[i, X], seen[i, Y], seen[i, NORMAL_X], seen[i, NORMAL_Y]
         deviation = seen[i, DEVIATION] * scale
-        a, b = line(x, y, u, v, lam), line(x, y, v, -u, lam)
+        a, b = line(x, y, u, v, lens), line(x, y, v, -u, lens)
         densities = _densities(points, a, b, deviation)
         mixture = NONE + densities[0] + densities[1] + densities[2]
         for k in range(3):
