@@ -24,7 +24,7 @@ import numpy as np
 
 from qflsd_ros.core.arcs import Arcs
 from qflsd_ros.core.geometry.great_circles import (
-    DEVIATION, lines, observe, Observed, PRECISION, SHARPNESS)
+    DEVIATION, KNOT, lines, observe, Observed, PRECISION, SHARPNESS)
 from qflsd_ros.core.geometry.refinement import (
     CENTRE, Fit, LAMBDA, LOG_FOCAL, MU, Prior, refine, scale)
 from qflsd_ros.core.geometry.vanishing import (
@@ -98,9 +98,13 @@ class Attitude:
     labels
         (M,) int64, for each arc the index of its direction, -1 for none.
     lens
-        The lens by which directions are rays, from lens and attitude together.
-    centre
-        (x, y), the optical centre in px of the undistorted image.
+        The lens, from the curvature of arcs and their directions together; its lambda is that of
+        :meth:`rays`.
+    mu
+        What the lens leaves of the division model, see :mod:`great_circles`.
+    camera
+        (3, 3) float64, from directions to homogeneous px of the undistorted image, relative to the
+        distortion centre: the most likely focal length, observable or not, and optical centre.
 
     """
 
@@ -111,7 +115,30 @@ class Attitude:
     directions: np.ndarray
     labels: np.ndarray
     lens: DivisionModel
-    centre: tuple[float, float]
+    mu: float
+    camera: np.ndarray
+
+    def rays(self, points: np.ndarray) -> np.ndarray:
+        """
+        Return the directions in which pixels look.
+
+        Parameters
+        ----------
+        points
+            (..., 2) px, (0, 0) at the centre of the top-left pixel.
+
+        Returns
+        -------
+        rays
+            (..., 3) float64 unit vectors in the optical frame.
+
+        """
+        unit = self.lens.half_diagonal
+        p = (np.asarray(points, float) - self.lens.origin) / unit
+        square = (p ** 2).sum(axis=-1, keepdims=True)
+        w = 1 + square * (self.lens.lam + self.mu * (square - KNOT))
+        rays = np.concatenate([p * unit, w], axis=-1) @ np.linalg.inv(self.camera).T
+        return rays / np.linalg.norm(rays, axis=-1, keepdims=True)
 
 
 class _Solution(NamedTuple):
@@ -290,17 +317,16 @@ def _attitude(solution: _Solution, image: _Image, hint: np.ndarray) -> Attitude 
     up_std = _up_std(axes[0], fit, scatter)
     if focal is None and up_std is None:
         return None
-    camera = _camera(state)
+    camera, unit = _camera(state), image.lens.half_diagonal
     rows = lines(image.observed.seen, state[LAMBDA], state[MU])
     rows[SHARPNESS] /= solution.scale
     rows[PRECISION] /= scatter
     directions = np.concatenate([axes, horizontal(rows, axes, camera)])
     labels = np.full(image.arcs, -1)
     labels[image.observed.arcs] = _labels(rows, directions @ camera.T)
-    centre = image.lens.origin + state[CENTRE:] * image.lens.half_diagonal
     return Attitude(focal, focal_std, None if up_std is None else axes[0], up_std,
                     directions, labels, replace(image.lens, lam=float(state[LAMBDA])),
-                    (float(centre[0]), float(centre[1])))
+                    float(state[MU]), np.diag([unit, unit, 1.0]) @ camera)
 
 
 def _supported(solution: _Solution) -> tuple[Fit, np.ndarray]:

@@ -13,7 +13,7 @@ unit normal n = (u, v) there is the line l q = 0 of
 
     l(n) = (w u - k t y, w v + k t x, -(u x + v y)),  t = u y - v x,
 
-linear in lambda and mu.  The same with the tangent t instead of the normal, b = l(t), is the line at
+linear in lambda and mu.  The same with the tangent instead of the normal, b, is the line at
 right angles.  Of all images of straight edges through p and the vanishing point v, the one
 deviates from the arc by the angle e at p, *in the distorted image*, with
 
@@ -32,6 +32,7 @@ import numpy as np
 from qflsd_ros.core.arcs import Arcs
 from qflsd_ros.core.compilation import compiled, inlined
 from qflsd_ros.core.lens.division import DivisionModel
+from qflsd_ros.core.lens.observation import RIM
 
 # Standard deviation of an arc's angle: of the flaws of lens and edge, radians; and of its ends,
 # radians times its length in px.  Residuals to the truth of annotated photographs (York Urban,
@@ -50,7 +51,7 @@ Line = tuple[float, float, float]
 
 class Observed(NamedTuple):
     """
-    Arcs as observations of directions, longest first.
+    Arcs as observations of directions, the longest first.
 
     Attributes
     ----------
@@ -66,17 +67,24 @@ class Observed(NamedTuple):
 
 
 def observe(arcs: Arcs, lens: DivisionModel) -> Observed:
-    """Return observations of all arcs that have a length; of the lens, centre and unit count."""
+    """
+    Return observations of the arcs that may be images of straight edges.
+
+    Arcs without a length are left out, and circles about the distortion centre, which are the rim
+    of a fisheye's image circle.  Of the lens, centre and unit of length count.
+    """
     table = arcs.table
     chord = table['end'] - table['start']
     size = np.hypot(*chord.T)
-    order = np.argsort(-size, kind='stable')[:np.count_nonzero(size)]
-    seen = np.empty((len(order), COLUMNS))
-    seen[:, [X, Y]] = (table['middle'][order] - lens.origin) / lens.half_diagonal
-    seen[:, NORMAL_X] = -chord[order, 1] / size[order]
-    seen[:, NORMAL_Y] = chord[order, 0] / size[order]
-    seen[:, DEVIATION] = np.hypot(FLAW, ENDS / size[order])
-    return Observed(order, seen)
+    along = chord / np.maximum(size, np.finfo(float).tiny)[:, None]
+    normal = np.stack([-along[:, 1], along[:, 0]], axis=1)
+    middle = (table['middle'] - lens.origin) / lens.half_diagonal
+    bend = table['curvature'] * lens.half_diagonal
+    is_rim = np.hypot(*(bend[:, None] * middle + normal).T) < RIM * np.abs(bend)
+    order = np.argsort(-size, kind='stable')
+    order = order[(size > 0)[order] & ~is_rim[order]]
+    deviation = np.hypot(FLAW, ENDS / size[order])
+    return Observed(order, np.column_stack([middle[order], normal[order], deviation]))
 
 
 @inlined
