@@ -1,6 +1,8 @@
 """Arcs of a place whose edges have three orthogonal directions, seen by a known camera."""
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from qflsd_ros.core import Arcs, DivisionModel
 from seen import arcs_of, edge
@@ -10,7 +12,7 @@ UP = np.array([0.0, -1.0, 0.0])
 
 
 def turned(yaw: float, pitch: float, roll: float) -> np.ndarray:
-    """Return axes of the place in the optical frame, rows: east, down, north; angles in radians."""
+    """Return axes of the place in the optical frame, rows: east, down, north; from radians."""
     cy, sy, cp, sp, cr, sr = (f(a) for a in (yaw, pitch, roll) for f in (np.cos, np.sin))
     return (np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]])
             @ np.array([[1, 0, 0], [0, cp, sp], [0, -sp, cp]])
@@ -73,3 +75,14 @@ def place(axes: np.ndarray, focal: float, lam: float = 0.0, seed: int = 0,
 def angle(a: np.ndarray, b: np.ndarray) -> float:
     """Return the angle between two unit vectors, degrees."""
     return float(np.degrees(np.arccos(np.clip(a @ b, -1, 1))))
+
+
+def scattered(arcs: Arcs, seed: int) -> Arcs:
+    """Return arcs turned about their middles by as much as those of photographs scatter."""
+    table, random = arcs.table.copy(), np.random.default_rng(seed)
+    angles = np.radians(np.hypot(0.3, 28 / table['length'])) * random.standard_t(3, len(table)) / 2
+    c, s = np.cos(angles), np.sin(angles)
+    for name in ('start', 'end'):
+        x, y = (table[name] - table['middle']).T
+        table[name] = table['middle'] + np.column_stack([c * x - s * y, s * x + c * y])
+    return replace(arcs, table=table)

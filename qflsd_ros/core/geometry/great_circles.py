@@ -98,7 +98,7 @@ def line(x: float, y: float, u: float, v: float, lens: tuple[float, float]) -> L
 
 @inlined
 def bends(x: float, y: float, u: float, v: float) -> tuple[float, float, float, float]:
-    """Return the derivatives of the first two parts of l by lambda, and by mu; the third's is 0."""
+    """Return the derivatives of the first two parts of l by lambda and mu; the third's is 0."""
     square, t = x * x + y * y, u * y - v * x
     w, k = square * (square - KNOT), 4 * square - 2 * KNOT
     return (square * u - 2 * t * y, square * v + 2 * t * x, w * u - k * t * y, w * v + k * t * x)

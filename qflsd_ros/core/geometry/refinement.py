@@ -2,9 +2,9 @@
 Refinement of three orthogonal directions, focal length and lens on all arcs at once.
 
 Unknowns are a rotation, the logarithm of the focal length f, lambda and mu of the lens, and the
-optical centre c in the undistorted image.  A direction d has the vanishing point v = K d = (f d_x + c_x d_z,
-f d_y + c_y d_z, d_z), and an arc deviates from it by the angle e with sin e = A / S, A = l v,
-B = b v, S^2 = A^2 + B^2 (see :mod:`great_circles`), hence
+optical centre c in the undistorted image. A direction d has the vanishing point v = K d = (f d_x +
+c_x d_z, f d_y + c_y d_z, d_z), and an arc deviates from it by the angle e with sin e = A / S, A =
+l v, B = b v, S^2 = A^2 + B^2 (see :mod:`great_circles`), hence
 
     d sin e = B (B dA - A dB) / S^3.
 
