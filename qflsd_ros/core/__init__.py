@@ -13,9 +13,10 @@ Coordinates are px; (0, 0) is the centre of the top-left pixel, x points right, 
 """
 from qflsd_ros.core.arcs import Arcs
 from qflsd_ros.core.detector import Detector
+from qflsd_ros.core.geometry.attitude import Attitude, estimate_attitude
 from qflsd_ros.core.lens.division import DivisionModel, rectified
 from qflsd_ros.core.lens.estimation import estimate_distortion, LensEstimate, with_straightness
 from qflsd_ros.core.parameters import Parameters
 
-__all__ = ['Arcs', 'Detector', 'DivisionModel', 'LensEstimate', 'Parameters',
-           'estimate_distortion', 'rectified', 'with_straightness']
+__all__ = ['Arcs', 'Attitude', 'Detector', 'DivisionModel', 'LensEstimate', 'Parameters',
+           'estimate_attitude', 'estimate_distortion', 'rectified', 'with_straightness']
