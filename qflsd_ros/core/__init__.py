@@ -16,6 +16,7 @@ from qflsd_ros.core.detector import Detector
 from qflsd_ros.core.lens.division import DivisionModel, rectified
 from qflsd_ros.core.lens.estimation import estimate_distortion, LensEstimate, with_straightness
 from qflsd_ros.core.parameters import Parameters
+from qflsd_ros.core.tracking.tracker import Tracker
 
-__all__ = ['Arcs', 'Detector', 'DivisionModel', 'LensEstimate', 'Parameters',
+__all__ = ['Arcs', 'Detector', 'DivisionModel', 'LensEstimate', 'Parameters', 'Tracker',
            'estimate_distortion', 'rectified', 'with_straightness']

@@ -11,6 +11,7 @@ from qflsd_ros.core.arcs import Arcs
 from qflsd_ros.core.circle import FIT_SIZE, NO_LENS
 from qflsd_ros.core.detection import (
     assembly, chains, edges, extraction, joining, noise, refinement, thresholds)
+from qflsd_ros.core.detection.edges import Gradients
 from qflsd_ros.core.detection.region import Region, region
 from qflsd_ros.core.detection.validation import Evidence
 from qflsd_ros.core.lens.division import DivisionModel
@@ -31,7 +32,9 @@ class Detector:
 
     A detector keeps its memory from frame to frame: use one for each thread.  Its attribute
     ``parameters`` may be replaced between two frames.  Its attribute ``on_stage``, if not None, is
-    called with the name of each stage of method arcs when the stage ends.
+    called with the name of each stage of method arcs when the stage ends.  Its attribute
+    ``gradients`` holds those of the last frame, until the next one comes; None where there are
+    none: before the first frame, of an image of less than 3 px, and with method paper.
 
     """
 
@@ -39,6 +42,7 @@ class Detector:
         """Take parameters (None: the defaults); nothing is compiled yet, see :meth:`warm_up`."""
         self.parameters = Parameters() if parameters is None else parameters
         self.on_stage: Callable[[str], None] | None = None
+        self.gradients: Gradients | None = None
         self._memory = _Memory(0, 0)
 
     def warm_up(self) -> None:
@@ -81,6 +85,7 @@ class Detector:
 
         """
         _check(gray, mask, lens)
+        self.gradients = None
         if min(gray.shape) < SMALLEST_IMAGE:
             return Arcs.empty()
         gray = np.ascontiguousarray(gray)
@@ -100,6 +105,7 @@ class Detector:
         pieces = self._extract(count, shortest, lens)
         evidence = Evidence(self._memory.points, self._memory.dx, self._memory.dy, clear, grain,
                             where, blur_sigma)
+        self.gradients = Gradients(self._memory.dx, self._memory.dy, edges.SOBEL_GAIN, grain, where)
         return self._assemble(pieces, shortest, evidence, lens)
 
     def _find_chains(self, gray: np.ndarray, where: Region, blur_sigma: float, grain: float,

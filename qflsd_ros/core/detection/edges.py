@@ -8,15 +8,27 @@ non-maxima suppression method for edge detection with sub-pixel accuracy, INRIA 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 
 from qflsd_ros.core.compilation import compiled, inlined
+from qflsd_ros.core.detection.region import Region
 
 SOBEL_GAIN = 4.0                # Sobel's response to a step of one grey level
 WEAK, STRONG = 1, 2             # what an edge pixel is in the edge map
 MORE = STRONG - WEAK
+
+
+class Gradients(NamedTuple):
+    """The gradients of a frame."""
+
+    dx: np.ndarray          # (H, W) int16, of which ``gain`` is one grey level
+    dy: np.ndarray
+    gain: float
+    noise: float            # standard deviation of dx and dy, grey levels
+    region: Region          # where they count
 
 
 def gradients(gray: np.ndarray, blur_sigma: float, blurred: np.ndarray,
