@@ -14,8 +14,7 @@ import math
 import numpy as np
 
 from qflsd_ros.core.compilation import compiled, inlined
-from qflsd_ros.core.tracking.looks import nearest, NX, NY, SHARE, TRACK, WAS_X, WAS_Y, X, Y
-from qflsd_ros.core.tracking.state import SHIFT, TURN
+from qflsd_ros.core.tracking.looks import nearest, NX, NY, WAS_X, WAS_Y, X, Y
 
 TERMS = 10              # of a cubic polynomial in x and y
 AFFINE, CUBIC = 6, 2 * TERMS
@@ -23,7 +22,7 @@ AFFINE, CUBIC = 6, 2 * TERMS
 STEPS = ((AFFINE, 7.0), (AFFINE, 4.0), (CUBIC, 3.0), (CUBIC, 1.5))
 # px by which each degree changes from frame to frame, at the border of the image: large enough for
 # a camera in a hand, small enough where few tracks are seen.
-CHANGES = (10.0, 5.0, 2.0, 1.0)
+CHANGES = (10.0, 5.0, 3.0, 0.5)
 AGREES = 1.5            # px
 
 
@@ -92,7 +91,7 @@ def _degree(unknown: int) -> int:
 
 
 @compiled
-def _step(looks: np.ndarray, found: np.ndarray, counts: np.ndarray, n: int, rows: np.ndarray,
+def _step(looks: np.ndarray, found: np.ndarray, counts: np.ndarray, n: int,
           shape: tuple[int, int], prior: np.ndarray, field: np.ndarray, unknowns: int,
           gate: float, a: np.ndarray, b: np.ndarray, phi: np.ndarray) -> int:
     """Improve the field once; return how many normals agree with it."""
@@ -102,10 +101,9 @@ def _step(looks: np.ndarray, found: np.ndarray, counts: np.ndarray, n: int, rows
         x, y = scaled(looks[k, WAS_X], looks[k, WAS_Y], shape[1], shape[0])
         _terms(x, y, phi)
         u, v = _at(field, phi)
-        nx, ny, track = looks[k, NX], looks[k, NY], int(looks[k, TRACK])
-        own = rows[track, SHIFT] + rows[track, TURN] * looks[k, SHARE]
+        nx, ny = looks[k, NX], looks[k, NY]
         expected = (looks[k, WAS_X] + u - looks[k, X]) * nx + (
-            looks[k, WAS_Y] + v - looks[k, Y]) * ny + own
+            looks[k, WAS_Y] + v - looks[k, Y]) * ny
         r = nearest(found[k], counts[k], expected) - expected
         agreeing += abs(r) < AGREES
         if not abs(r) < gate:
@@ -127,7 +125,7 @@ def _step(looks: np.ndarray, found: np.ndarray, counts: np.ndarray, n: int, rows
 
 
 @compiled
-def estimate(looks: np.ndarray, found: np.ndarray, counts: np.ndarray, n: int, rows: np.ndarray,
+def estimate(looks: np.ndarray, found: np.ndarray, counts: np.ndarray, n: int,
              shape: tuple[int, int], prior: np.ndarray, field: np.ndarray, a: np.ndarray,
              b: np.ndarray, phi: np.ndarray) -> float:
     """
@@ -137,8 +135,6 @@ def estimate(looks: np.ndarray, found: np.ndarray, counts: np.ndarray, n: int, r
     ----------
     looks, found, counts, n
         As of :func:`looks.look`.
-    rows
-        (M, COLUMNS) float64, the tracks.
     shape
         Height and width of the image, px.
     prior, field
@@ -155,6 +151,6 @@ def estimate(looks: np.ndarray, found: np.ndarray, counts: np.ndarray, n: int, r
     for i in range(len(field)):
         field[i] = prior[i]
     for unknowns, gate in STEPS:
-        agreeing = _step(looks, found, counts, n, rows, shape, prior, field, unknowns, gate, a, b,
+        agreeing = _step(looks, found, counts, n, shape, prior, field, unknowns, gate, a, b,
                          phi)
     return agreeing / max(n, 1)

@@ -28,6 +28,7 @@ CLOSE = 1.0             # px up to which an edge supports a track
 BENDS = 8               # edges from which on a bend is fitted
 # How many edges the expected offset, turn and bend weigh.
 STIFF = 0.05, 0.5, 4.0
+SHRINK = 0.25           # share of an end without support by which it becomes shorter in a frame
 LEAST_SEEN = 5          # normals in sight: less says nothing
 MEMORY = 0.8            # share of the contrast so far in the contrast from now on
 OWN = 0.5               # share by which the motion of a track beyond the field follows its rest
@@ -87,10 +88,23 @@ def _move(rows: np.ndarray, i: int, arc: curve.Curve, fit: Fit) -> None:
 
 
 @inlined
+def _shorten(rows: np.ndarray, i: int, first: float, last: float) -> None:
+    """Move the ends of a track towards where its support ends, of what is in sight."""
+    start = -1 + SHRINK * max(rows[i, FIRST] - first, 0.0)
+    end = 1 - SHRINK * max(last - rows[i, LAST], 0.0)
+    if start == -1 and end == 1:
+        return
+    arc = curve.curve(rows, i)
+    for column, share in ((START, start), (MIDDLE, (start + end) / 2), (END, end)):
+        rows[i, column], rows[i, column + 1], _, _ = curve.at(arc, share)
+
+
+@inlined
 def _write(rows: np.ndarray, i: int, shares: np.ndarray, found: np.ndarray, counts: np.ndarray,
            strength: np.ndarray, n: int, fit: Fit, arc: curve.Curve, points: np.ndarray) -> None:
     """Write how well a fit is supported: share, rms, contrast, from where to where, by what."""
     inliers, squares, steps = 0, 0.0, 0.0
+    half = 1 / min(max(int(2 * arc[4] / SPACING), LEAST), MOST)
     rows[i, FIRST], rows[i, LAST] = 1.0, -1.0
     for k in range(n):
         expected = _value(fit, shares[k])
@@ -106,8 +120,8 @@ def _write(rows: np.ndarray, i: int, shares: np.ndarray, found: np.ndarray, coun
         inliers += 1
         squares += (found[k, best] - expected) ** 2
         steps += strength[k, best]
-        rows[i, FIRST] = min(rows[i, FIRST], shares[k])
-        rows[i, LAST] = max(rows[i, LAST], shares[k])
+        rows[i, FIRST] = min(rows[i, FIRST], shares[k] - half)
+        rows[i, LAST] = max(rows[i, LAST], shares[k] + half)
     rows[i, SUPPORT], rows[i, EDGE_COUNT] = inliers / max(n, 1), inliers
     if inliers > 0:
         rows[i, RMS], rows[i, STEP] = math.sqrt(squares / inliers), steps / inliers
@@ -156,6 +170,7 @@ def measure(image: Gradients, rows: np.ndarray, needed: np.ndarray, shares: np.n
         _write(rows, i, shares, found, counts, strength, n, fit, arc, points)
         if rows[i, SUPPORT] >= needed[i]:
             _move(rows, i, arc, fit)
+            _shorten(rows, i, shares[0], shares[n - 1])
             rows[i, CONTRAST] += (1 - MEMORY) * (rows[i, STEP] - rows[i, CONTRAST])
             rows[i, SHIFT] += OWN * fit[0]
             rows[i, TURN] += OWN * fit[1]

@@ -43,47 +43,44 @@ class Motion:
     def __init__(self) -> None:
         """Begin at rest."""
         self.field = np.zeros(CUBIC)
+        self.lost = 1           # frames since it was known
         self._before = np.zeros((0, COLUMNS))
         self._looks = np.empty((LONGEST * NORMALS, LOOK))
         self._found = np.empty((LONGEST * NORMALS + 1, EDGES))
         self._counts = np.empty(LONGEST * NORMALS, np.int64)
         self._votes = {reach: np.empty((2 * reach + 1, 2 * reach + 1), np.int32)
                        for reach in (USUAL, WIDE)}
-        self._known = False
         self._a, self._b = np.empty((CUBIC, CUBIC)), np.empty(CUBIC)
         self._phi = np.empty(TERMS)
 
-    def predict(self, image: Gradients, rows: np.ndarray) -> float:
+    def predict(self, image: Gradients, rows: np.ndarray) -> bool:
         """
         Move tracks (M, COLUMNS) to where they are expected in a frame.
 
         Returns
         -------
-        How sure that is: the share of edges that move as the image does, 0 to 1.
+        Whether the image moves as the tracks do: without that it shows nothing, or another scene.
 
         """
         self._before = rows.copy()
         shape = image.dx.shape
         chosen = self._longest(rows)
-        best, best_sure = np.zeros(CUBIC), 0.0
-        tries = ((self.field, USUAL), (np.zeros(CUBIC), WIDE)) if self._known else (
-            (np.zeros(CUBIC), WIDE),)
-        for prior, reach in tries:
-            found, sure = self._try(image, rows, chosen, prior, reach)
-            if sure > best_sure:
-                best, best_sure = found, sure
-            if sure > SURE:
-                break
-        self._known = best_sure >= LOST_BELOW
+        still = np.zeros(CUBIC)
+        best, sure = self.field, 0.0
+        # Acceleration is small; but a frame may be repeated, or the camera have stopped.
+        for prior, reach in ((self.field, WIDE if self.lost else USUAL), (still, WIDE)):
+            if sure < SURE:
+                found, agreeing = self._try(image, rows, chosen, prior, reach)
+                if agreeing > max(sure, LOST_BELOW):
+                    best, sure = found, agreeing
         self.field = best
+        self.lost = 0 if sure > 0 else self.lost + 1
         _carry(self._before, rows, self.field, shape, self._phi)
-        return best_sure
+        return sure > 0
 
     def _longest(self, rows: np.ndarray) -> np.ndarray:
         """Return the longest tracks of those that were seen last."""
-        candidates = np.flatnonzero(rows[:, LOST] == rows[:, LOST].min(initial=0.0))
-        if len(candidates) == 0 and len(rows):
-            candidates = np.flatnonzero(rows[:, LOST] == rows[:, LOST].min())
+        candidates = np.flatnonzero(rows[:, LOST] <= self.lost)
         chords = np.hypot(rows[candidates, END] - rows[candidates, START],
                           rows[candidates, END + 1] - rows[candidates, START + 1])
         return candidates[np.argsort(-chords, kind='stable')[:LONGEST]]
@@ -104,6 +101,6 @@ class Motion:
         _carry(self._before, rows, prior, shape, self._phi)
         n = look(image, self._before, rows, chosen, NORMALS, (0.0, 0.0), REACH,
                  self._looks, self._found, self._counts)
-        sure = field.estimate(self._looks, self._found, self._counts, n, rows, shape, prior,
+        sure = field.estimate(self._looks, self._found, self._counts, n, shape, prior,
                               result, self._a, self._b, self._phi)
         return result, sure

@@ -134,4 +134,6 @@ def in_sight(image: Gradients, rows: np.ndarray, chosen: np.ndarray,
 def _clip_all(allowed: np.ndarray, masked: bool, rows: np.ndarray, chosen: np.ndarray,
               parts: np.ndarray) -> None:
     for i in chosen:
-        parts[i, 0], parts[i, 1] = clip(allowed, masked, rows, i)
+        first, last = clip(allowed, masked, rows, i)
+        parts[i, 0] = max(first, rows[i, state.FIRST])
+        parts[i, 1] = min(last, rows[i, state.LAST])

@@ -12,15 +12,19 @@ from qflsd_ros.core.tracking import report, state
 from qflsd_ros.core.tracking.association import associate, KNOWN, NEW, PLACES
 from qflsd_ros.core.tracking.chart import enter_all, NOBODY
 from qflsd_ros.core.tracking.measurement import measure, MOST
-from qflsd_ros.core.tracking.motion import LOST_BELOW, Motion
+from qflsd_ros.core.tracking.motion import Motion
 from qflsd_ros.core.tracking.normals import EDGES, Gradients
 from qflsd_ros.core.tracking.state import Tracks
 
 LAST_IDENTITY = 2 ** 24     # consumers carry identities as float32, which is exact up to there
 SUPPORTED = 0.5             # share of the normals of a track that was reported in the last frame
 FOUND_AGAIN = 0.6           # the same for one that was lost
+NEVER = 2.0                 # no track has that
+SURER = 2.0                 # by which the score of a new track exceeds that of an arc (min_score)
+CLOSER = 0.7                # of the distance of parallel arcs: that of parallel tracks
 PATIENCE = 60               # frames for which lost tracks are kept
 ESTABLISHED = 3             # frames in which a track must have been seen to be kept when lost
+YOUNG = 5                   # frames for which others are kept
 RECENT = 0.9                # share of how often it was detected so far, in that from now on
 FEW = 0.25                  # of the tracks: fewer arcs are those of a frame that shows nothing
 
@@ -65,7 +69,8 @@ class Tracker:
         fate = self._compare(rows, confirmed, detected)
         self._remember(rows, confirmed)
         begin = self._tracks.count
-        self._bear(detected, fate == NEW)
+        self._bear(detected, (fate == NEW) & (detected.table['score']
+                                             >= self.parameters.min_score + SURER))
         return self._report(image, begin)
 
     def _start(self, shape: tuple[int, ...]) -> None:
@@ -79,12 +84,11 @@ class Tracker:
         rows = self._tracks.rows
         if len(rows) == 0:
             return np.zeros(0, np.bool_)
-        sure = self._motion.predict(image, rows)
+        reference = np.count_nonzero(rows[:, state.LOST] <= self._motion.lost)
         needed = np.where(rows[:, state.LOST] > 0, FOUND_AGAIN, SUPPORTED)
-        if sure < LOST_BELOW:
-            needed[:] = 2.0
-            seen = np.count_nonzero(rows[:, state.LOST] == rows[:, state.LOST].min())
-            if arcs > FEW * seen:
+        if not self._motion.predict(image, rows):
+            needed[:] = NEVER
+            if arcs > FEW * reference:
                 # Another scene: its lines would be taken for those of the last one.
                 rows[:, state.LOST] = 2 * PATIENCE
         measure(image, rows, needed, self._shares, self._found, self._counts, self._strength,
@@ -101,10 +105,8 @@ class Tracker:
         order = order[confirmed[order]]
         hidden = np.zeros(len(rows), np.bool_)
         distance = self.parameters.min_distance
-        enter_all(self._chart, rows, order, distance, hidden)
+        enter_all(self._chart, rows, order, CLOSER * distance, hidden)
         confirmed &= ~hidden
-        # Those that came to lie on others were followed to there.
-        rows[hidden & (rows[:, state.LOST] == 0), state.LOST] = 2 * PATIENCE
         arcs = np.empty((len(detected), state.COLUMNS))
         for column, name in ((state.START, 'start'), (state.MIDDLE, 'middle'), (state.END, 'end')):
             arcs[:, column:column + 2] = detected.table[name]
@@ -126,7 +128,7 @@ class Tracker:
         rows[:, state.CONFIRMED] = confirmed
         rows[:, state.AGE] += confirmed
         rows[:, state.LOST] = np.where(confirmed, 0, rows[:, state.LOST] + 1)
-        patience = np.where(rows[:, state.AGE] >= ESTABLISHED, PATIENCE, 0)
+        patience = np.where(rows[:, state.AGE] >= ESTABLISHED, PATIENCE, YOUNG)
         wanted = rows[:, state.LOST] <= patience
         if not wanted.all():
             kept = self._points[:len(rows)][wanted]
