@@ -13,12 +13,11 @@ from qflsd_ros.core.compilation import compiled, inlined
 from qflsd_ros.core.tracking import curve
 from qflsd_ros.core.tracking.chart import enter, EVERY, HIDDEN, NOBODY, owner
 from qflsd_ros.core.tracking.looks import ONE_SIDED
-from qflsd_ros.core.tracking.state import END, MIDDLE, POLARITY, START
+from qflsd_ros.core.tracking.state import POLARITY
+from qflsd_ros.core.tracking.union import lengthen
 
 NEAR = 2.0          # px, from a track to an arc on it
 PLACES = 8          # tracks on one arc that are looked at
-LONGER = 3.0        # px, at least, by which an arc lengthens a track
-ALIGNED = 1.2       # px, by which the shorter of an arc and a track may lie off the longer
 AT_LEAST = 0.3      # of the shorter of them: that they have in common
 
 NEW, KNOWN, LEFT_OUT = 0, 1, 2      # what becomes of an arc
@@ -35,50 +34,6 @@ def _add(names: np.ndarray, sums: np.ndarray, count: int, track: int, weight: fl
         names[count], sums[count] = track, weight
         count += 1
     return count
-
-
-@inlined
-def _aligned(longer: np.ndarray, i: int, shorter: np.ndarray, j: int) -> bool:
-    """Return whether start, middle and end of one arc lie on the curve of another."""
-    arc = curve.curve(longer, i)
-    for column in (START, MIDDLE, END):
-        share, off = curve.place(arc, shorter[j, column], shorter[j, column + 1])
-        if abs(off) > ALIGNED or abs(share * arc[4] * arc[6]) > 1 - curve.STEEPEST:
-            return False
-    return True
-
-
-@inlined
-def _reach(arc: curve.Curve, rows: np.ndarray, i: int) -> tuple[float, float]:
-    """Return from which share of the half chord of a curve to which an arc reaches."""
-    a, _ = curve.place(arc, rows[i, START], rows[i, START + 1])
-    b, _ = curve.place(arc, rows[i, END], rows[i, END + 1])
-    return min(a, b), max(a, b)
-
-
-@compiled
-def _lengthen(rows: np.ndarray, track: int, arcs: np.ndarray, i: int, forwards: bool) -> bool:
-    """Let a track reach as far as an arc that lies on it; return whether it could."""
-    old, new = curve.curve(rows, track), curve.curve(arcs, i)
-    by_new = new[4] > old[4]
-    if by_new:
-        if not _aligned(arcs, i, rows, track):
-            return False
-        base, (first, last) = new, _reach(new, rows, track)
-    else:
-        if not _aligned(rows, track, arcs, i):
-            return False
-        base, (first, last) = old, _reach(old, arcs, i)
-    if max(-1 - first, last - 1) * base[4] < LONGER and not by_new:
-        return True
-    first, last = min(first, -1.0), max(last, 1.0)
-    if max(-first, last) * abs(base[6]) * base[4] > 1 - curve.STEEPEST:
-        return False
-    if by_new and not forwards:
-        first, last = last, first
-    for column, share in ((START, first), (MIDDLE, (first + last) / 2), (END, last)):
-        rows[track, column], rows[track, column + 1], _, _ = curve.at(base, share)
-    return True
 
 
 @compiled
@@ -137,7 +92,7 @@ def associate(chart: np.ndarray, rows: np.ndarray, arcs: np.ndarray, order: np.n
         if sums[best] < AT_LEAST * min(size, curve.length(own)):
             continue
         forwards = own[2] * arc[2] + own[3] * arc[3] > 0
-        if not _lengthen(rows, track, arcs, i, forwards):
+        if not lengthen(rows, track, arcs, i, forwards):
             continue
         fate[i] = KNOWN
         enter(chart, rows, track)

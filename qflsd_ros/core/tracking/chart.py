@@ -12,11 +12,13 @@ import numpy as np
 
 from qflsd_ros.core.compilation import compiled, inlined
 from qflsd_ros.core.tracking import curve
+from qflsd_ros.core.tracking.union import lengthen
 
 NOBODY = -1         # on a pixel
 BESIDE = 2          # px across, that a track takes on either side
 EVERY = 3.0         # px between places of an arc that are looked at
 PARALLEL = math.sin(math.radians(10.0))     # as in suppression
+SHARED = 3          # such places that two tracks on one curve share, to become one
 HIDDEN = 0.6        # as in suppression: share of a track on others from which on it is left out
 
 
@@ -59,9 +61,11 @@ def owner(chart: np.ndarray, rows: np.ndarray, x: float, y: float, nx: float, ny
 
 @compiled
 def enter_all(chart: np.ndarray, rows: np.ndarray, order: np.ndarray, distance: float,
-              hidden: np.ndarray) -> None:
+              hidden: np.ndarray, absorbed: np.ndarray) -> None:
     """
     Enter tracks in order, but those that for the most part lie on others already entered.
+
+    Those that lie on one curve with another, and overlap it, become a part of it.
 
     Parameters
     ----------
@@ -73,17 +77,26 @@ def enter_all(chart: np.ndarray, rows: np.ndarray, order: np.ndarray, distance: 
         (N,) int64, those to enter.
     distance
         Up to which one lies on another, px.
-    hidden
-        (M,) bool, takes True for those left out.
+    hidden, absorbed
+        (M,) bool, take True for those left out, and for those that are a part of another now.
 
     """
     for i in order:
         arc = curve.curve(rows, i)
         steps = max(int(math.ceil(curve.length(arc) / EVERY)), 1)
-        on_others = 0
+        on_others, last, on_last = 0, NOBODY, 0
         for j in range(steps + 1):
             x, y, nx, ny = curve.at(arc, 2 * j / steps - 1)
-            on_others += owner(chart, rows, x, y, nx, ny, distance)[0] != NOBODY
+            track, cosine = owner(chart, rows, x, y, nx, ny, distance)
+            if track == NOBODY:
+                continue
+            on_others += 1
+            if cosine > 0:
+                on_last = on_last + 1 if track == last else 1
+                last = track
         hidden[i] = on_others >= HIDDEN * (steps + 1)
+        if not hidden[i] and on_last >= SHARED and lengthen(rows, last, rows, i, True):
+            hidden[i] = absorbed[i] = True
+            enter(chart, rows, last)
         if not hidden[i]:
             enter(chart, rows, i)

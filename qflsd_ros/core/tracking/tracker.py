@@ -103,16 +103,16 @@ class Tracker:
         rank = chords * np.where(rows[:, state.AGE] >= ESTABLISHED, 2.0, 1.0)
         order = np.argsort(-rank, kind='stable')
         order = order[confirmed[order]]
-        hidden = np.zeros(len(rows), np.bool_)
+        hidden, absorbed = np.zeros((2, len(rows)), np.bool_)
         distance = self.parameters.min_distance
-        enter_all(self._chart, rows, order, CLOSER * distance, hidden)
+        enter_all(self._chart, rows, order, CLOSER * distance, hidden, absorbed)
         confirmed &= ~hidden
         arcs = np.empty((len(detected), state.COLUMNS))
         for column, name in ((state.START, 'start'), (state.MIDDLE, 'middle'), (state.END, 'end')):
             arcs[:, column:column + 2] = detected.table[name]
         arcs[:, state.POLARITY] = detected.table['polarity']
         fate = np.empty(len(detected), np.int64)
-        covered, absorbed = np.zeros(len(rows)), np.zeros(len(rows), np.bool_)
+        covered = np.zeros(len(rows))
         longest = np.argsort(-detected.table['length'], kind='stable')
         associate(self._chart, rows, arcs, longest, distance, covered, absorbed, fate,
                   self._names, self._sums)
