@@ -13,7 +13,7 @@ from qflsd_ros.core.compilation import compiled, inlined
 from qflsd_ros.core.tracking import curve
 from qflsd_ros.core.tracking.chart import enter, EVERY, HIDDEN, NOBODY, owner
 from qflsd_ros.core.tracking.looks import ONE_SIDED
-from qflsd_ros.core.tracking.state import POLARITY
+from qflsd_ros.core.tracking.state import POLARITY, SCORE
 from qflsd_ros.core.tracking.union import lengthen
 
 NEAR = 2.0          # px, from a track to an arc on it
@@ -38,7 +38,7 @@ def _add(names: np.ndarray, sums: np.ndarray, count: int, track: int, weight: fl
 
 @compiled
 def associate(chart: np.ndarray, rows: np.ndarray, arcs: np.ndarray, order: np.ndarray,
-              distance: float, covered: np.ndarray, absorbed: np.ndarray, fate: np.ndarray,
+              distance: float, covered: np.ndarray, scores: np.ndarray, absorbed: np.ndarray, fate: np.ndarray,
               names: np.ndarray, sums: np.ndarray) -> None:
     """
     Compare arcs with the tracks, and lengthen those on which they lie.
@@ -50,13 +50,14 @@ def associate(chart: np.ndarray, rows: np.ndarray, arcs: np.ndarray, order: np.n
     rows
         (M, COLUMNS) float64, the tracks.
     arcs
-        (N, COLUMNS) float64, the detected arcs, of which the geometry counts.
+        (N, COLUMNS) float64, the detected arcs, of which geometry, polarity and score count.
     order
         (N,) int64, in which order to look at them.
     distance
         Up to which an arc beside a track is left out, px.
-    covered
-        (M,) float64, takes the length of each track that arcs lie on, px.
+    covered, scores
+        (M,) float64, to which the lengths of the arcs on each track are added, px, and their
+        scores, in proportion.
     absorbed
         (M,) bool, set True for tracks that became a part of another.
     fate
@@ -83,6 +84,7 @@ def associate(chart: np.ndarray, rows: np.ndarray, arcs: np.ndarray, order: np.n
         best = -1
         for k in range(count):
             covered[names[k]] += sums[k]
+            scores[names[k]] += arcs[i, SCORE] * sums[k] / size
             if not absorbed[names[k]] and (best < 0 or sums[k] > sums[best]):
                 best = k
         if best < 0:

@@ -12,10 +12,10 @@ import numpy as np
 START, MIDDLE, END = 0, 2, 4
 CONTRAST = 6        # grey levels, mean step across
 POLARITY = 7        # as that of an arc: share of points with the brighter side right, less left
-SCORE = 8           # of the arc that was detected last
+SCORE = 8           # mean over frames, of late, of the arcs on it; 0 in a frame without one
 IDENTITY = 9
 AGE = 10            # frames in which it was reported
-LOST = 11           # frames since it was reported
+LOST = 11           # frames since it was confirmed
 DETECTED = 12       # how often it is detected anew, of late: 0 to 1
 SHIFT, TURN = 13, 14    # px by which its middle, and its end more than that, outrun the field
 SUPPORT = 15        # share of its normals in sight with an edge on it
@@ -25,7 +25,8 @@ EDGES = 19          # number of these
 CONFIRMED = 20      # 1 where its support suffices in this frame
 HELD = 21           # 1 where no arc was detected on it in this frame
 STEP = 22           # grey levels, mean step across in this frame
-COLUMNS = 23
+REPORTED = 23       # 1 where it is confirmed and its score suffices
+COLUMNS = 24
 
 MOST = 4096         # tracks, lost ones included: more than any image has arcs that are worth it
 

@@ -24,6 +24,8 @@ SURER = 2.0                 # by which the score of a new track exceeds that of 
 CLOSER = 0.7                # of the distance of parallel arcs: that of parallel tracks
 PATIENCE = 60               # frames for which lost tracks are kept
 ESTABLISHED = 3             # frames in which a track must have been seen to be kept when lost
+LESS = 0.0                  # the same for a track that was reported in the last frame
+FORGOTTEN = 1.0             # score of a track that is not followed any longer
 YOUNG = 5                   # frames for which others are kept
 RECENT = 0.9                # share of how often it was detected so far, in that from now on
 FEW = 0.25                  # of the tracks: fewer arcs are those of a frame that shows nothing
@@ -69,8 +71,7 @@ class Tracker:
         fate = self._compare(rows, confirmed, detected)
         self._remember(rows, confirmed)
         begin = self._tracks.count
-        self._bear(detected, (fate == NEW) & (detected.table['score']
-                                             >= self.parameters.min_score + SURER))
+        self._bear(detected, fate == NEW)
         return self._report(image, begin)
 
     def _start(self, shape: tuple[int, ...]) -> None:
@@ -111,25 +112,29 @@ class Tracker:
         for column, name in ((state.START, 'start'), (state.MIDDLE, 'middle'), (state.END, 'end')):
             arcs[:, column:column + 2] = detected.table[name]
         arcs[:, state.POLARITY] = detected.table['polarity']
+        arcs[:, state.SCORE] = detected.table['score']
         fate = np.empty(len(detected), np.int64)
-        covered = np.zeros(len(rows))
+        covered, scores = np.zeros((2, len(rows)))
         longest = np.argsort(-detected.table['length'], kind='stable')
-        associate(self._chart, rows, arcs, longest, distance, covered, absorbed, fate,
+        associate(self._chart, rows, arcs, longest, distance, covered, scores, absorbed, fate,
                   self._names, self._sums)
         confirmed &= ~absorbed
         rows[absorbed, state.LOST] = 2 * PATIENCE
         seen = covered >= 0.5 * chords
         rows[:, state.HELD] = ~seen
+        rows[:, state.SCORE] += np.where(confirmed, 1 - RECENT, 0) * (scores - rows[:, state.SCORE])
         rows[:, state.DETECTED] += (1 - RECENT) * (seen - rows[:, state.DETECTED])
         return fate
 
     def _remember(self, rows: np.ndarray, confirmed: np.ndarray) -> None:
         """Count the frames in which tracks were seen and lost; forget those lost too long."""
         rows[:, state.CONFIRMED] = confirmed
-        rows[:, state.AGE] += confirmed
+        least = self.parameters.min_score + np.where(rows[:, state.REPORTED], LESS, SURER)
+        rows[:, state.REPORTED] = confirmed & (rows[:, state.SCORE] >= least)
+        rows[:, state.AGE] += rows[:, state.REPORTED] > 0
         rows[:, state.LOST] = np.where(confirmed, 0, rows[:, state.LOST] + 1)
         patience = np.where(rows[:, state.AGE] >= ESTABLISHED, PATIENCE, YOUNG)
-        wanted = rows[:, state.LOST] <= patience
+        wanted = (rows[:, state.LOST] <= patience) & (rows[:, state.SCORE] >= FORGOTTEN)
         if not wanted.all():
             kept = self._points[:len(rows)][wanted]
             self._points[:len(kept)] = kept
@@ -146,7 +151,9 @@ class Tracker:
         rows[:, state.SCORE], rows[:, state.RMS] = arcs['score'], arcs['rms']
         rows[:, state.EDGES] = np.minimum(arcs['support'], MOST)
         rows[:, state.IDENTITY] = self._next + np.arange(len(chosen))
-        rows[:, state.AGE] = rows[:, state.DETECTED] = rows[:, state.CONFIRMED] = 1
+        rows[:, state.DETECTED] = rows[:, state.CONFIRMED] = 1
+        sure = arcs['score'] >= self.parameters.min_score + SURER
+        rows[:, state.REPORTED] = rows[:, state.AGE] = sure
         rows[:, state.FIRST], rows[:, state.LAST] = -1, 1
         self._next += len(chosen)
         for k, arc in enumerate(chosen.tolist()):
@@ -158,7 +165,7 @@ class Tracker:
     def _report(self, image: Gradients, begin: int) -> Arcs:
         """Return the confirmed tracks as arcs."""
         rows = self._tracks.rows
-        chosen = np.flatnonzero(rows[:, state.CONFIRMED])
+        chosen = np.flatnonzero(rows[:, state.REPORTED])
         parts = np.empty((len(rows), 2))
         report.in_sight(image, rows, chosen, parts)
         arcs = report.arcs(rows, chosen, parts, self._points)
