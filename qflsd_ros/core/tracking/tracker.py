@@ -20,11 +20,11 @@ LAST_IDENTITY = 2 ** 24     # consumers carry identities as float32, which is ex
 SUPPORTED = 0.5             # share of the normals of a track that was reported in the last frame
 FOUND_AGAIN = 0.6           # the same for one that was lost
 NEVER = 2.0                 # no track has that
-SURER = 2.0                 # by which the score of a new track exceeds that of an arc (min_score)
+SURER = 2.0     # by which the score of a new track exceeds that of an arc (min_score)
 CLOSER = 0.7                # of the distance of parallel arcs: that of parallel tracks
 PATIENCE = 60               # frames for which lost tracks are kept
 ESTABLISHED = 3             # frames in which a track must have been seen to be kept when lost
-LESS = 0.0                  # the same for a track that was reported in the last frame
+LESS = -3.0     # the same for a track that was reported in the last frame
 FORGOTTEN = 1.0             # score of a track that is not followed any longer
 YOUNG = 5                   # frames for which others are kept
 RECENT = 0.9                # share of how often it was detected so far, in that from now on
@@ -59,20 +59,41 @@ class Tracker:
 
     def track(self, gray: np.ndarray, mask: np.ndarray | None = None,
               lens: DivisionModel | None = None) -> Arcs:
-        """Return the lines of the next frame."""
+        """
+        Return the lines of the next frame.
+
+        Parameters
+        ----------
+        gray, mask, lens
+            As of :meth:`Detector.detect`.  A frame of another size begins anew; identities go on.
+
+        Returns
+        -------
+        Arcs with a table of dtype :data:`arcs.TRACKED_TABLE`: identities are unique in the frame,
+        and keep their direction of travel.  ``edge_points`` of a followed arc are the edges on its
+        normals, a few px apart.
+
+        Raises
+        ------
+        TypeError, ValueError
+            As :meth:`Detector.detect`; ValueError with method paper, which leaves no gradients.
+
+        """
+        if self.parameters.method == 'paper':
+            raise ValueError('method is paper: tracks need the gradients of method arcs')
         detected = self._detector.detect(gray, mask, lens)
         if gray.shape != self._shape:
             self._start(gray.shape)
         image = self._detector.gradients
         if image is None:
-            return Arcs.empty()
+            return report.arcs(np.zeros((0, state.COLUMNS)), np.zeros(0, np.int64),
+                               np.zeros((0, 2)), np.zeros((0, MOST, 2)))
         rows = self._tracks.rows
         confirmed = self._follow(image, len(detected))
         fate = self._compare(rows, confirmed, detected)
         self._remember(rows, confirmed)
-        begin = self._tracks.count
         self._bear(detected, fate == NEW)
-        return self._report(image, begin)
+        return self._report(image)
 
     def _start(self, shape: tuple[int, ...]) -> None:
         """Begin anew with images of another size."""
@@ -150,23 +171,31 @@ class Tracker:
         rows[:, state.CONTRAST], rows[:, state.POLARITY] = arcs['contrast'], arcs['polarity']
         rows[:, state.SCORE], rows[:, state.RMS] = arcs['score'], arcs['rms']
         rows[:, state.EDGES] = np.minimum(arcs['support'], MOST)
-        rows[:, state.IDENTITY] = self._next + np.arange(len(chosen))
+        rows[:, state.IDENTITY] = self._identities(len(chosen))
         rows[:, state.DETECTED] = rows[:, state.CONFIRMED] = 1
         sure = arcs['score'] >= self.parameters.min_score + SURER
         rows[:, state.REPORTED] = rows[:, state.AGE] = sure
         rows[:, state.FIRST], rows[:, state.LAST] = -1, 1
-        self._next += len(chosen)
         for k, arc in enumerate(chosen.tolist()):
             points = detected.points(arc)
             every = np.linspace(0, len(points) - 1, int(rows[k, state.EDGES])).astype(np.int64)
             self._points[self._tracks.count + k, :len(every)] = points[every]
         self._tracks.add(rows)
 
-    def _report(self, image: Gradients, begin: int) -> Arcs:
+    def _identities(self, count: int) -> np.ndarray:
+        """Return new identities; after the last one they begin again, but for those alive."""
+        alive = set(self._tracks.rows[:, state.IDENTITY].astype(np.int64).tolist())
+        chosen: list[int] = []
+        while len(chosen) < count:
+            if self._next not in alive:
+                chosen.append(self._next)
+            self._next = self._next % LAST_IDENTITY + 1
+        return np.array(chosen, np.int64)
+
+    def _report(self, image: Gradients) -> Arcs:
         """Return the confirmed tracks as arcs."""
         rows = self._tracks.rows
         chosen = np.flatnonzero(rows[:, state.REPORTED])
         parts = np.empty((len(rows), 2))
         report.in_sight(image, rows, chosen, parts)
-        arcs = report.arcs(rows, chosen, parts, self._points)
-        return arcs
+        return report.arcs(rows, chosen, parts, self._points)
