@@ -24,7 +24,7 @@ TABLE = np.dtype([
 # The table of a tracker: a detector, which sees one frame at a time, has none of these columns.
 TRACKED_TABLE = np.dtype(TABLE.descr + [
     ('track', np.uint32),           # identity, from 1 to 2^24; unique in its frame
-    ('age', np.uint32),             # number of frames in which the track was reported, this included
+    ('age', np.uint32),             # frames in which the track was reported, this one included
     ('held', np.bool_),             # confirmed on its predicted place without a detected arc
 ])
 

@@ -105,7 +105,8 @@ class Detector:
         pieces = self._extract(count, shortest, lens)
         evidence = Evidence(self._memory.points, self._memory.dx, self._memory.dy, clear, grain,
                             where, blur_sigma)
-        self.gradients = Gradients(self._memory.dx, self._memory.dy, edges.SOBEL_GAIN, grain, where)
+        self.gradients = Gradients(self._memory.dx, self._memory.dy, edges.SOBEL_GAIN, grain,
+                                   where)
         return self._assemble(pieces, shortest, evidence, lens)
 
     def _find_chains(self, gray: np.ndarray, where: Region, blur_sigma: float, grain: float,

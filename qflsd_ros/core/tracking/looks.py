@@ -4,8 +4,9 @@ from __future__ import annotations
 import numpy as np
 
 from qflsd_ros.core.compilation import compiled
+from qflsd_ros.core.detection.edges import Gradients
 from qflsd_ros.core.tracking import curve
-from qflsd_ros.core.tracking.normals import edges_along, Gradients, in_sight
+from qflsd_ros.core.tracking.normals import edges_along, in_sight
 from qflsd_ros.core.tracking.state import CONTRAST, POLARITY
 
 # Columns of a look: number of the track; share of the half chord; the point and the normal there;
@@ -80,4 +81,3 @@ def nearest(found: np.ndarray, count: int, expected: float) -> float:
         if abs(found[k] - expected) < abs(best - expected):
             best = found[k]
     return best
-

@@ -13,9 +13,10 @@ import math
 import numpy as np
 
 from qflsd_ros.core.compilation import compiled, inlined
+from qflsd_ros.core.detection.edges import Gradients
 from qflsd_ros.core.tracking import curve
 from qflsd_ros.core.tracking.looks import nearest, ONE_SIDED, weakest
-from qflsd_ros.core.tracking.normals import edges_along, Gradients, in_sight
+from qflsd_ros.core.tracking.normals import edges_along, in_sight
 from qflsd_ros.core.tracking.state import (
     CONTRAST, EDGES as EDGE_COUNT, END, FIRST, LAST, MIDDLE, POLARITY, RMS, SHIFT, START, STEP,
     SUPPORT, TURN)
@@ -177,4 +178,3 @@ def measure(image: Gradients, rows: np.ndarray, needed: np.ndarray, shares: np.n
         else:
             rows[i, SHIFT] *= OWN
             rows[i, TURN] *= OWN
-

@@ -4,11 +4,12 @@ from __future__ import annotations
 import numpy as np
 
 from qflsd_ros.core.compilation import compiled
+from qflsd_ros.core.detection.edges import Gradients
 from qflsd_ros.core.tracking import field
 from qflsd_ros.core.tracking.curve import at, curve
 from qflsd_ros.core.tracking.field import CUBIC, TERMS
 from qflsd_ros.core.tracking.looks import LOOK, look
-from qflsd_ros.core.tracking.normals import EDGES, Gradients
+from qflsd_ros.core.tracking.normals import EDGES
 from qflsd_ros.core.tracking.state import COLUMNS, END, LOST, MIDDLE, SHIFT, START, TURN
 from qflsd_ros.core.tracking.vote import translation
 

@@ -1,6 +1,7 @@
 """
-Edges along the normals of an arc (moving edges: P. Bouthemy, A maximum likelihood framework for
-determining moving edges, PAMI 1989).
+Edges along the normals of an arc: moving edges.
+
+P. Bouthemy, A maximum likelihood framework for determining moving edges, PAMI 1989.
 
 A normal is followed along x or y, whichever is closer to it, through the centres of pixels, so
 that nothing is interpolated but the maximum, as in :func:`detection.edges.locate`.

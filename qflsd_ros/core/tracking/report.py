@@ -10,8 +10,8 @@ from qflsd_ros.core.arcs import (
     POLARITY, RMS, SCORE, START, SUPPORT, TABLE, TRACKED_TABLE)
 from qflsd_ros.core.circle import NOISE_FLOOR
 from qflsd_ros.core.compilation import compiled, inlined
+from qflsd_ros.core.detection.edges import Gradients
 from qflsd_ros.core.tracking import curve, state
-from qflsd_ros.core.tracking.normals import Gradients
 
 STEP = 0.5          # px between places of which each must be in sight, as in assembly
 # Variance of the offset at the middle and of the bend of a parabola over -1 to 1, fitted to n

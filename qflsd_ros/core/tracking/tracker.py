@@ -3,17 +3,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from qflsd_ros.core import arcs as table
 from qflsd_ros.core.arcs import Arcs
+from qflsd_ros.core.detection.edges import Gradients
 from qflsd_ros.core.detector import Detector
 from qflsd_ros.core.lens.division import DivisionModel
 from qflsd_ros.core.parameters import Parameters
 from qflsd_ros.core.tracking import report, state
-from qflsd_ros.core.tracking.association import associate, KNOWN, NEW, PLACES
+from qflsd_ros.core.tracking.association import associate, NEW, PLACES
 from qflsd_ros.core.tracking.chart import enter_all, NOBODY
 from qflsd_ros.core.tracking.measurement import measure, MOST
 from qflsd_ros.core.tracking.motion import Motion
-from qflsd_ros.core.tracking.normals import EDGES, Gradients
+from qflsd_ros.core.tracking.normals import EDGES
 from qflsd_ros.core.tracking.state import Tracks
 
 LAST_IDENTITY = 2 ** 24     # consumers carry identities as float32, which is exact up to there
@@ -83,7 +83,7 @@ class Tracker:
             raise ValueError('method is paper: tracks need the gradients of method arcs')
         detected = self._detector.detect(gray, mask, lens)
         if gray.shape != self._shape:
-            self._start(gray.shape)
+            self._start((gray.shape[0], gray.shape[1]))
         image = self._detector.gradients
         if image is None:
             return report.arcs(np.zeros((0, state.COLUMNS)), np.zeros(0, np.int64),
@@ -95,7 +95,7 @@ class Tracker:
         self._bear(detected, fate == NEW)
         return self._report(image)
 
-    def _start(self, shape: tuple[int, ...]) -> None:
+    def _start(self, shape: tuple[int, int]) -> None:
         """Begin anew with images of another size."""
         self._shape = shape
         self._tracks, self._motion = Tracks(), Motion()
