@@ -38,8 +38,8 @@ def _add(names: np.ndarray, sums: np.ndarray, count: int, track: int, weight: fl
 
 @compiled
 def associate(chart: np.ndarray, rows: np.ndarray, arcs: np.ndarray, order: np.ndarray,
-              distance: float, covered: np.ndarray, scores: np.ndarray, absorbed: np.ndarray, fate: np.ndarray,
-              names: np.ndarray, sums: np.ndarray) -> None:
+              distance: float, covered: np.ndarray, scores: np.ndarray, absorbed: np.ndarray,
+              fate: np.ndarray, names: np.ndarray, sums: np.ndarray) -> None:
     """
     Compare arcs with the tracks, and lengthen those on which they lie.
 

@@ -104,7 +104,8 @@ def edges_along(image: Gradients, ray: tuple[float, float, float, float], reach:
         after = _across(image, row + step_row, column + step_column, nx, ny, signed)
         if here >= limit and here > before and here >= after:
             along = abs(image.dx[row, column] * ny - image.dy[row, column] * nx)
-            if along <= TURNED * here and not (image.region.masked and not image.region.seen[row, column]):
+            open_here = not image.region.masked or image.region.seen[row, column]
+            if open_here and along <= TURNED * here:
                 peak = 0.5 * (before - after) / (before - here + (after - here))
                 count = _insert(found, strength, count, (k + peak - centre) * per,
                                 here / image.gain)

@@ -143,7 +143,8 @@ class Tracker:
         rows[absorbed, state.LOST] = 2 * PATIENCE
         seen = covered >= 0.5 * chords
         rows[:, state.HELD] = ~seen
-        rows[:, state.SCORE] += np.where(confirmed, 1 - RECENT, 0) * (scores - rows[:, state.SCORE])
+        weight = np.where(confirmed, 1 - RECENT, 0.0)
+        rows[:, state.SCORE] += weight * (scores - rows[:, state.SCORE])
         rows[:, state.DETECTED] += (1 - RECENT) * (seen - rows[:, state.DETECTED])
         return fate
 
