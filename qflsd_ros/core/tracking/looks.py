@@ -12,7 +12,7 @@ from qflsd_ros.core.tracking.state import CONTRAST, POLARITY
 # Columns of a look: number of the track; share of the half chord; the point and the normal there;
 # the same point in the frame before.
 TRACK, SHARE, X, Y, NX, NY, WAS_X, WAS_Y, LOOK = range(9)
-FAINTEST = 0.25     # of a track's contrast: an edge on a normal has at least (prototype: .2 to .4)
+FAINTEST = 0.25     # of a track's contrast: an edge on a normal has at least
 ABOVE_NOISE = 2.5   # standard deviations of the noise that it has at least
 ONE_SIDED = 0.6     # polarity from which on only edges of the same sign are the track's own
 
