@@ -17,6 +17,8 @@ from qflsd_ros.core.geometry.attitude import Attitude, estimate_attitude
 from qflsd_ros.core.lens.division import DivisionModel, rectified
 from qflsd_ros.core.lens.estimation import estimate_distortion, LensEstimate, with_straightness
 from qflsd_ros.core.parameters import Parameters
+from qflsd_ros.core.tracking.tracker import Tracker
 
 __all__ = ['Arcs', 'Attitude', 'Detector', 'DivisionModel', 'LensEstimate', 'Parameters',
-           'estimate_attitude', 'estimate_distortion', 'rectified', 'with_straightness']
+           'Tracker', 'estimate_attitude', 'estimate_distortion', 'rectified',
+           'with_straightness']

@@ -21,6 +21,13 @@ TABLE = np.dtype([
     ('bent', np.int64),             # 1 where the curvature is fitted, 0 for the image of a line
 ])
 
+# The table of a tracker: a detector, which sees one frame at a time, has none of these columns.
+TRACKED_TABLE = np.dtype(TABLE.descr + [
+    ('track', np.uint32),           # identity, from 1 to 2^24; unique in its frame
+    ('age', np.uint32),             # frames in which the track was reported, this one included
+    ('held', np.bool_),             # confirmed on its predicted place without a detected arc
+])
+
 # The same as columns of one float64 array in which kernels fill it, x and y one after the other.
 (START, MIDDLE, END, CURVATURE, LENGTH, RMS, SUPPORT, CURVATURE_STD, OFFSET_STD, SCORE, CONTRAST,
  POLARITY, BENT, COLUMNS) = 0, 2, 4, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16

@@ -11,6 +11,7 @@ from qflsd_ros.core.arcs import Arcs
 from qflsd_ros.core.circle import FIT_SIZE
 from qflsd_ros.core.detection import (
     assembly, chains, edges, extraction, joining, noise, refinement, thresholds)
+from qflsd_ros.core.detection.edges import Gradients
 from qflsd_ros.core.detection.frame import curvature_limits, Frame, Limits
 from qflsd_ros.core.detection.region import Region, region
 from qflsd_ros.core.lens.division import DivisionModel
@@ -31,7 +32,9 @@ class Detector:
 
     A detector keeps its memory from frame to frame: use one for each thread.  Its attribute
     ``parameters`` may be replaced between two frames.  Its attribute ``on_stage``, if not None, is
-    called with the name of each stage of method arcs when the stage ends.
+    called with the name of each stage of method arcs when the stage ends.  Its attribute
+    ``gradients`` holds those of the last frame, until the next one comes; None where there are
+    none: before the first frame, of an image of less than 3 px, and with method paper.
 
     """
 
@@ -39,6 +42,7 @@ class Detector:
         """Take parameters (None: the defaults); nothing is compiled yet, see :meth:`warm_up`."""
         self.parameters = Parameters() if parameters is None else parameters
         self.on_stage: Callable[[str], None] | None = None
+        self.gradients: Gradients | None = None
         self._memory = _Memory(0, 0)
 
     def warm_up(self) -> None:
@@ -81,6 +85,7 @@ class Detector:
 
         """
         _check(gray, mask, lens)
+        self.gradients = None
         if min(gray.shape) < SMALLEST_IMAGE:
             return Arcs.empty()
         gray = np.ascontiguousarray(gray)
@@ -99,6 +104,7 @@ class Detector:
         limits = self._limits(grain, lens)
         self._ended('noise')
         frame = self._frame(gray, region, grain)
+        self.gradients = Gradients(frame.dx, frame.dy, edges.GAIN, frame.noise, region)
         self._ended('gradients')
         memory.reserve(edges.find(frame.dx, frame.dy, frame.low, frame.high, memory.magnitudes,
                                   memory.edges))

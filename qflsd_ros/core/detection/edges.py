@@ -8,11 +8,13 @@ non-maxima suppression method for edge detection with sub-pixel accuracy, INRIA 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 
 from qflsd_ros.core.compilation import compiled, inlined
+from qflsd_ros.core.detection.region import Region
 
 GAIN = 64               # units of dx and dy for a step of one grey level: 1.5 bits above noise of .5
 WEAK, STRONG, VISITED = 1, 2, 4     # edge pixels in the edge map; VISITED: part of a chain
@@ -53,6 +55,16 @@ def _sobel(blurred: np.ndarray, dx: np.ndarray, dy: np.ndarray) -> None:
         above, below = blurred[max(row - 1, 0)], blurred[min(row + 1, height - 1)]
         _sobel_row(above, blurred[row], below, dx[row], dy[row])
         _sobel_at_border(above, blurred[row], below, dx[row], dy[row])
+
+
+class Gradients(NamedTuple):
+    """The gradients of a frame."""
+
+    dx: np.ndarray          # (H, W) int16, of which ``gain`` is one grey level
+    dy: np.ndarray
+    gain: float
+    noise: float            # standard deviation of dx and dy, grey levels
+    region: Region          # where they count
 
 
 def gradients(gray: np.ndarray, blur_sigma: float, blurred: np.ndarray,

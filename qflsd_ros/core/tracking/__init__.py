@@ -1,0 +1,1 @@
+"""Lines over frames: each keeps its identity while the camera moves."""

@@ -1,0 +1,180 @@
+"""
+Where a track is: measured along its normals, about the place that it is expected at.
+
+The distances e of edges along the normals, over the share s of the half chord, are fitted by
+e = o + t s + b (s^2 - 1 / 3): offset, turn and bend, by least squares with Tukey's weights.  The
+expected place counts like edges of its own (ridge), so that what is seen of a track in part does
+not swing.
+"""
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from qflsd_ros.core.compilation import compiled, inlined
+from qflsd_ros.core.detection.edges import Gradients
+from qflsd_ros.core.tracking import curve
+from qflsd_ros.core.tracking.looks import nearest, ONE_SIDED, weakest
+from qflsd_ros.core.tracking.normals import edges_along, in_sight
+from qflsd_ros.core.tracking.state import (
+    CONTRAST, EDGES as EDGE_COUNT, END, FIRST, LAST, MIDDLE, POLARITY, RMS, SHIFT, START, STEP,
+    SUPPORT, TURN)
+
+SPACING = 3.0           # px between normals
+LEAST, MOST = 6, 40     # normals of a track
+REACH = 3.5             # px, of a search on either side
+GATES = (3.5, 2.5, 1.8, 1.5)    # px from which on an edge has no weight, step by step
+CLOSE = 1.0             # px up to which an edge supports a track
+BENDS = 8               # edges from which on a bend is fitted
+# How many edges the expected offset, turn and bend weigh.
+STIFF = 0.05, 0.5, 4.0
+SHRINK = 0.25           # share of an end without support by which it becomes shorter in a frame
+LEAST_SEEN = 5          # normals in sight: less says nothing
+MEMORY = 0.8            # share of the contrast so far in the contrast from now on
+OWN = 0.5               # share by which the motion of a track beyond the field follows its rest
+
+# Offset, turn and bend, px.
+Fit = tuple[float, float, float]
+
+
+@inlined
+def _value(fit: Fit, s: float) -> float:
+    """Return the distance from the expected place at a share of the half chord, px."""
+    return fit[0] + fit[1] * s + fit[2] * (s * s - 1 / 3)
+
+
+@inlined
+def _fit(shares: np.ndarray, found: np.ndarray, counts: np.ndarray, n: int, fit: Fit,
+         gate: float, terms: int) -> Fit:
+    """Return the fit to the edges nearest to another fit."""
+    a00, a11, a22 = STIFF
+    a01 = a02 = a12 = b0 = b1 = b2 = 0.0
+    for k in range(n):
+        s = shares[k]
+        q = s * s - 1 / 3
+        e = nearest(found[k], counts[k], _value(fit, s))
+        r = e - _value(fit, s)
+        if not abs(r) < gate:
+            continue
+        w = (1 - (r / gate) ** 2) ** 2
+        a00 += w
+        a01 += w * s
+        a02 += w * q
+        a11 += w * s * s
+        a12 += w * s * q
+        a22 += w * q * q
+        b0 += w * e
+        b1 += w * s * e
+        b2 += w * q * e
+    if terms == 1:
+        return b0 / a00, 0.0, 0.0
+    if terms == 2:
+        det = a00 * a11 - a01 * a01
+        return (b0 * a11 - b1 * a01) / det, (a00 * b1 - a01 * b0) / det, 0.0
+    c00, c01, c02 = a11 * a22 - a12 * a12, a02 * a12 - a01 * a22, a01 * a12 - a02 * a11
+    c11, c12, c22 = a00 * a22 - a02 * a02, a01 * a02 - a00 * a12, a00 * a11 - a01 * a01
+    det = a00 * c00 + a01 * c01 + a02 * c02
+    return ((c00 * b0 + c01 * b1 + c02 * b2) / det, (c01 * b0 + c11 * b1 + c12 * b2) / det,
+            (c02 * b0 + c12 * b1 + c22 * b2) / det)
+
+
+@inlined
+def _move(rows: np.ndarray, i: int, arc: curve.Curve, fit: Fit) -> None:
+    """Move start, middle and end of a track along their normals."""
+    for column, s in ((START, -1.0), (MIDDLE, 0.0), (END, 1.0)):
+        x, y, nx, ny = curve.at(arc, s)
+        off = _value(fit, s)
+        rows[i, column], rows[i, column + 1] = x + off * nx, y + off * ny
+
+
+@inlined
+def _shorten(rows: np.ndarray, i: int, first: float, last: float) -> None:
+    """Move the ends of a track towards where its support ends, of what is in sight."""
+    start = -1 + SHRINK * max(rows[i, FIRST] - first, 0.0)
+    end = 1 - SHRINK * max(last - rows[i, LAST], 0.0)
+    if start == -1 and end == 1:
+        return
+    arc = curve.curve(rows, i)
+    for column, share in ((START, start), (MIDDLE, (start + end) / 2), (END, end)):
+        rows[i, column], rows[i, column + 1], _, _ = curve.at(arc, share)
+
+
+@inlined
+def _write(rows: np.ndarray, i: int, shares: np.ndarray, found: np.ndarray, counts: np.ndarray,
+           strength: np.ndarray, n: int, fit: Fit, arc: curve.Curve, points: np.ndarray) -> None:
+    """Write how well a fit is supported: share, rms, contrast, from where to where, by what."""
+    inliers, squares, steps = 0, 0.0, 0.0
+    half = 1 / min(max(int(2 * arc[4] / SPACING), LEAST), MOST)
+    rows[i, FIRST], rows[i, LAST] = 1.0, -1.0
+    for k in range(n):
+        expected = _value(fit, shares[k])
+        best = -1
+        for e in range(counts[k]):
+            if best < 0 or abs(found[k, e] - expected) < abs(found[k, best] - expected):
+                best = e
+        if best < 0 or not abs(found[k, best] - expected) < CLOSE:
+            continue
+        x, y, nx, ny = curve.at(arc, shares[k])
+        points[i, inliers, 0] = x + found[k, best] * nx
+        points[i, inliers, 1] = y + found[k, best] * ny
+        inliers += 1
+        squares += (found[k, best] - expected) ** 2
+        steps += strength[k, best]
+        rows[i, FIRST] = min(rows[i, FIRST], shares[k] - half)
+        rows[i, LAST] = max(rows[i, LAST], shares[k] + half)
+    rows[i, SUPPORT], rows[i, EDGE_COUNT] = inliers / max(n, 1), inliers
+    if inliers > 0:
+        rows[i, RMS], rows[i, STEP] = math.sqrt(squares / inliers), steps / inliers
+
+
+@compiled
+def measure(image: Gradients, rows: np.ndarray, needed: np.ndarray, shares: np.ndarray,
+            found: np.ndarray, counts: np.ndarray, strength: np.ndarray,
+            points: np.ndarray) -> None:
+    """
+    Measure all tracks about the places that they are expected at.
+
+    Parameters
+    ----------
+    image
+        Gradients of the frame.
+    rows
+        (M, COLUMNS) float64, the tracks; moved where support suffices.
+    needed
+        (M,) float64, share of the normals that must be supported.
+    shares, found, counts, strength
+        (MOST,), (MOST, EDGES), (MOST,) and (MOST, EDGES), scratch.
+    points
+        (M, MOST, 2) float64, takes the edges that support each track, px, in order along it.
+
+    """
+    for i in range(len(rows)):
+        arc = curve.curve(rows, i)
+        least, signed = weakest(rows, i, image.noise), rows[i, POLARITY] > ONE_SIDED
+        n, normals = 0, min(max(int(2 * arc[4] / SPACING), LEAST), MOST)
+        for j in range(normals):
+            s = (2 * j + 1) / normals - 1
+            x, y, nx, ny = curve.at(arc, s)
+            if in_sight(image, x, y):
+                shares[n] = s
+                counts[n] = edges_along(image, (x, y, nx, ny), REACH, least, signed, found[n],
+                                        strength[n])
+                n += 1
+        if n < LEAST_SEEN:
+            rows[i, SUPPORT], rows[i, EDGE_COUNT] = 0.0, 0.0
+            continue
+        fit = 0.0, 0.0, 0.0
+        for step, gate in enumerate(GATES):
+            terms = min(step + 1, 3 if n >= BENDS else 2)
+            fit = _fit(shares, found, counts, n, fit, gate, terms)
+        _write(rows, i, shares, found, counts, strength, n, fit, arc, points)
+        if rows[i, SUPPORT] >= needed[i]:
+            _move(rows, i, arc, fit)
+            _shorten(rows, i, shares[0], shares[n - 1])
+            rows[i, CONTRAST] += (1 - MEMORY) * (rows[i, STEP] - rows[i, CONTRAST])
+            rows[i, SHIFT] += OWN * fit[0]
+            rows[i, TURN] += OWN * fit[1]
+        else:
+            rows[i, SHIFT] *= OWN
+            rows[i, TURN] *= OWN

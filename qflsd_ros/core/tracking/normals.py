@@ -1,0 +1,115 @@
+"""
+Edges along the normals of an arc: moving edges.
+
+P. Bouthemy, A maximum likelihood framework for determining moving edges, PAMI 1989.
+
+A normal is followed along x or y, whichever is closer to it, through the centres of pixels, so
+that nothing is interpolated but the maximum, as in :func:`detection.edges.locate`.
+"""
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from qflsd_ros.core.compilation import inlined
+from qflsd_ros.core.detection.edges import Gradients
+
+TURNED = math.tan(math.radians(30.0))   # of the angle between the gradient at an edge and a normal
+EDGES = 4               # that are kept of a normal: those closest to the arc
+
+
+@inlined
+def in_sight(image: Gradients, x: float, y: float) -> bool:
+    """Return whether there are gradients at a point that count."""
+    height, width = image.dx.shape
+    if not (1 <= x <= width - 2 and 1 <= y <= height - 2):
+        return False
+    return not image.region.masked or image.region.seen[int(y + 0.5), int(x + 0.5)]
+
+
+@inlined
+def _across(image: Gradients, row: int, column: int, nx: float, ny: float,
+            signed: bool) -> float:
+    """Return the gradient along a normal, in the units of the image."""
+    g = image.dx[row, column] * nx + image.dy[row, column] * ny
+    return g if signed else abs(g)
+
+
+@inlined
+def _insert(found: np.ndarray, strength: np.ndarray, count: int, off: float,
+            g: float) -> int:
+    """Insert an edge into those of a normal, the closest first; return the new count."""
+    k = count
+    if count == EDGES:
+        if abs(found[EDGES - 1]) <= abs(off):
+            return count
+        k = EDGES - 1
+    while k > 0 and abs(found[k - 1]) > abs(off):
+        found[k], strength[k] = found[k - 1], strength[k - 1]
+        k -= 1
+    found[k], strength[k] = off, g
+    return min(count + 1, EDGES)
+
+
+@inlined
+def edges_along(image: Gradients, ray: tuple[float, float, float, float], reach: float,
+                least: float, signed: bool, found: np.ndarray, strength: np.ndarray) -> int:
+    """
+    Find the edges along a normal.
+
+    Parameters
+    ----------
+    image
+        Gradients of the frame.
+    ray
+        A point, px, and the unit normal there.
+    reach
+        How far to look on either side, px.
+    least
+        Least gradient along the normal, grey levels.
+    signed
+        Whether only edges count that grow brighter along the normal.
+    found, strength
+        (EDGES,), take their distances along the normal, px, the closest first, and gradients,
+        grey levels.
+
+    Returns
+    -------
+    Their number.
+
+    """
+    x, y, nx, ny = ray
+    height, width = image.dx.shape
+    across_x = abs(nx) >= abs(ny)
+    if across_x:
+        fixed = int(y + 0.5)
+        centre, per, size, lines = x - (fixed - y) * ny / nx, nx, width, height
+    else:
+        fixed = int(x + 0.5)
+        centre, per, size, lines = y - (fixed - x) * nx / ny, ny, height, width
+    if not 0 <= fixed < lines:
+        return 0
+    far = reach / abs(per)
+    first = max(int(math.ceil(centre - far)), 1)
+    last = min(int(math.floor(centre + far)), size - 2)
+    if first > last:
+        return 0
+    step_row, step_column = (0, 1) if across_x else (1, 0)
+    row, column = (fixed, first) if across_x else (first, fixed)
+    before = _across(image, row - step_row, column - step_column, nx, ny, signed)
+    here = _across(image, row, column, nx, ny, signed)
+    count, limit = 0, least * image.gain
+    for k in range(first, last + 1):
+        after = _across(image, row + step_row, column + step_column, nx, ny, signed)
+        if here >= limit and here > before and here >= after:
+            along = abs(image.dx[row, column] * ny - image.dy[row, column] * nx)
+            open_here = not image.region.masked or image.region.seen[row, column]
+            if open_here and along <= TURNED * here:
+                peak = 0.5 * (before - after) / (before - here + (after - here))
+                count = _insert(found, strength, count, (k + peak - centre) * per,
+                                here / image.gain)
+        before, here = here, after
+        row += step_row
+        column += step_column
+    return count

@@ -1,0 +1,202 @@
+"""Lines over frames: detected, predicted, measured, confirmed, taken up again."""
+from __future__ import annotations
+
+import numpy as np
+
+from qflsd_ros.core.arcs import Arcs
+from qflsd_ros.core.detection.edges import Gradients
+from qflsd_ros.core.detector import Detector
+from qflsd_ros.core.lens.division import DivisionModel
+from qflsd_ros.core.parameters import Parameters
+from qflsd_ros.core.tracking import report, state
+from qflsd_ros.core.tracking.association import associate, NEW, PLACES
+from qflsd_ros.core.tracking.chart import enter_all, NOBODY
+from qflsd_ros.core.tracking.measurement import measure, MOST
+from qflsd_ros.core.tracking.motion import Motion
+from qflsd_ros.core.tracking.normals import EDGES
+from qflsd_ros.core.tracking.state import Tracks
+
+LAST_IDENTITY = 2 ** 24     # consumers carry identities as float32, which is exact up to there
+SUPPORTED = 0.5             # share of the normals of a track that was reported in the last frame
+FOUND_AGAIN = 0.6           # the same for one that was lost
+NEVER = 2.0                 # no track has that
+SURER = 2.0     # by which the score of a new track exceeds that of an arc (min_score)
+CLOSER = 0.7                # of the distance of parallel arcs: that of parallel tracks
+PATIENCE = 60               # frames for which lost tracks are kept
+ESTABLISHED = 3             # frames in which a track must have been seen to be kept when lost
+LESS = -3.0     # the same for a track that was reported in the last frame
+FORGOTTEN = 1.0             # score of a track that is not followed any longer
+YOUNG = 5                   # frames for which others are kept
+RECENT = 0.9                # share of how often it was detected so far, in that from now on
+FEW = 0.25                  # of the tracks: fewer arcs are those of a frame that shows nothing
+
+
+class Tracker:
+    """
+    Follows lines from frame to frame.
+
+    Use one for each camera.  Its attribute ``parameters`` may be replaced between two frames.
+    """
+
+    def __init__(self, parameters: Parameters | None = None) -> None:
+        """Take the parameters of the detector (None: the defaults)."""
+        self._detector = Detector(parameters)
+        self._next = 1
+        self._shape: tuple[int, int] | None = None
+        self._shares, self._counts = np.empty(MOST), np.empty(MOST, np.int64)
+        self._found, self._strength = np.empty((2, MOST, EDGES))
+        self._names, self._sums = np.empty(PLACES, np.int64), np.empty(PLACES)
+        self._points = np.empty((state.MOST, MOST, 2))
+
+    @property
+    def parameters(self) -> Parameters:
+        """Return the parameters of the detector."""
+        return self._detector.parameters
+
+    @parameters.setter
+    def parameters(self, parameters: Parameters) -> None:
+        self._detector.parameters = parameters
+
+    def track(self, gray: np.ndarray, mask: np.ndarray | None = None,
+              lens: DivisionModel | None = None) -> Arcs:
+        """
+        Return the lines of the next frame.
+
+        Parameters
+        ----------
+        gray, mask, lens
+            As of :meth:`Detector.detect`.  A frame of another size begins anew; identities go on.
+
+        Returns
+        -------
+        Arcs with a table of dtype :data:`arcs.TRACKED_TABLE`: identities are unique in the frame,
+        and keep their direction of travel.  ``edge_points`` of a followed arc are the edges on its
+        normals, a few px apart.
+
+        Raises
+        ------
+        TypeError, ValueError
+            As :meth:`Detector.detect`; ValueError with method paper, which leaves no gradients.
+
+        """
+        if self.parameters.method == 'paper':
+            raise ValueError('method is paper: tracks need the gradients of method arcs')
+        detected = self._detector.detect(gray, mask, lens)
+        if gray.shape != self._shape:
+            self._start((gray.shape[0], gray.shape[1]))
+        image = self._detector.gradients
+        if image is None:
+            return report.arcs(np.zeros((0, state.COLUMNS)), np.zeros(0, np.int64),
+                               np.zeros((0, 2)), np.zeros((0, MOST, 2)))
+        rows = self._tracks.rows
+        confirmed = self._follow(image, len(detected))
+        fate = self._compare(rows, confirmed, detected)
+        self._remember(rows, confirmed)
+        self._bear(detected, fate == NEW)
+        return self._report(image)
+
+    def _start(self, shape: tuple[int, int]) -> None:
+        """Begin anew with images of another size."""
+        self._shape = shape
+        self._tracks, self._motion = Tracks(), Motion()
+        self._chart = np.full(shape, NOBODY, np.int16)
+
+    def _follow(self, image: Gradients, arcs: int) -> np.ndarray:
+        """Predict and measure all tracks; return which are confirmed: (M,) bool."""
+        rows = self._tracks.rows
+        if len(rows) == 0:
+            return np.zeros(0, np.bool_)
+        reference = np.count_nonzero(rows[:, state.LOST] <= self._motion.lost)
+        needed = np.where(rows[:, state.LOST] > 0, FOUND_AGAIN, SUPPORTED)
+        if not self._motion.predict(image, rows):
+            needed[:] = NEVER
+            if arcs > FEW * reference:
+                # Another scene: its lines would be taken for those of the last one.
+                rows[:, state.LOST] = 2 * PATIENCE
+        measure(image, rows, needed, self._shares, self._found, self._counts, self._strength,
+                self._points)
+        return rows[:, state.SUPPORT] >= needed
+
+    def _compare(self, rows: np.ndarray, confirmed: np.ndarray, detected: Arcs) -> np.ndarray:
+        """Compare detected arcs with the confirmed tracks; return what becomes of each."""
+        self._chart[:] = NOBODY
+        chords = np.hypot(rows[:, state.END] - rows[:, state.START],
+                          rows[:, state.END + 1] - rows[:, state.START + 1])
+        rank = chords * np.where(rows[:, state.AGE] >= ESTABLISHED, 2.0, 1.0)
+        order = np.argsort(-rank, kind='stable')
+        order = order[confirmed[order]]
+        hidden, absorbed = np.zeros((2, len(rows)), np.bool_)
+        distance = self.parameters.min_distance
+        enter_all(self._chart, rows, order, CLOSER * distance, hidden, absorbed)
+        confirmed &= ~hidden
+        arcs = np.empty((len(detected), state.COLUMNS))
+        for column, name in ((state.START, 'start'), (state.MIDDLE, 'middle'), (state.END, 'end')):
+            arcs[:, column:column + 2] = detected.table[name]
+        arcs[:, state.POLARITY] = detected.table['polarity']
+        arcs[:, state.SCORE] = detected.table['score']
+        fate = np.empty(len(detected), np.int64)
+        covered, scores = np.zeros((2, len(rows)))
+        longest = np.argsort(-detected.table['length'], kind='stable')
+        associate(self._chart, rows, arcs, longest, distance, covered, scores, absorbed, fate,
+                  self._names, self._sums)
+        confirmed &= ~absorbed
+        rows[absorbed, state.LOST] = 2 * PATIENCE
+        seen = covered >= 0.5 * chords
+        rows[:, state.HELD] = ~seen
+        weight = np.where(confirmed, 1 - RECENT, 0.0)
+        rows[:, state.SCORE] += weight * (scores - rows[:, state.SCORE])
+        rows[:, state.DETECTED] += (1 - RECENT) * (seen - rows[:, state.DETECTED])
+        return fate
+
+    def _remember(self, rows: np.ndarray, confirmed: np.ndarray) -> None:
+        """Count the frames in which tracks were seen and lost; forget those lost too long."""
+        rows[:, state.CONFIRMED] = confirmed
+        least = self.parameters.min_score + np.where(rows[:, state.REPORTED], LESS, SURER)
+        rows[:, state.REPORTED] = confirmed & (rows[:, state.SCORE] >= least)
+        rows[:, state.AGE] += rows[:, state.REPORTED] > 0
+        rows[:, state.LOST] = np.where(confirmed, 0, rows[:, state.LOST] + 1)
+        patience = np.where(rows[:, state.AGE] >= ESTABLISHED, PATIENCE, YOUNG)
+        wanted = (rows[:, state.LOST] <= patience) & (rows[:, state.SCORE] >= FORGOTTEN)
+        if not wanted.all():
+            kept = self._points[:len(rows)][wanted]
+            self._points[:len(kept)] = kept
+            self._tracks.keep(wanted)
+
+    def _bear(self, detected: Arcs, new: np.ndarray) -> None:
+        """Let a track begin with each of some arcs."""
+        chosen = np.flatnonzero(new)[:state.MOST - self._tracks.count]
+        rows = np.zeros((len(chosen), state.COLUMNS))
+        arcs = detected.table[chosen]
+        for column, name in ((state.START, 'start'), (state.MIDDLE, 'middle'), (state.END, 'end')):
+            rows[:, column:column + 2] = arcs[name]
+        rows[:, state.CONTRAST], rows[:, state.POLARITY] = arcs['contrast'], arcs['polarity']
+        rows[:, state.SCORE], rows[:, state.RMS] = arcs['score'], arcs['rms']
+        rows[:, state.EDGES] = np.minimum(arcs['support'], MOST)
+        rows[:, state.IDENTITY] = self._identities(len(chosen))
+        rows[:, state.DETECTED] = rows[:, state.CONFIRMED] = 1
+        sure = arcs['score'] >= self.parameters.min_score + SURER
+        rows[:, state.REPORTED] = rows[:, state.AGE] = sure
+        rows[:, state.FIRST], rows[:, state.LAST] = -1, 1
+        for k, arc in enumerate(chosen.tolist()):
+            points = detected.points(arc)
+            every = np.linspace(0, len(points) - 1, int(rows[k, state.EDGES])).astype(np.int64)
+            self._points[self._tracks.count + k, :len(every)] = points[every]
+        self._tracks.add(rows)
+
+    def _identities(self, count: int) -> np.ndarray:
+        """Return new identities; after the last one they begin again, but for those alive."""
+        alive = set(self._tracks.rows[:, state.IDENTITY].astype(np.int64).tolist())
+        chosen: list[int] = []
+        while len(chosen) < count:
+            if self._next not in alive:
+                chosen.append(self._next)
+            self._next = self._next % LAST_IDENTITY + 1
+        return np.array(chosen, np.int64)
+
+    def _report(self, image: Gradients) -> Arcs:
+        """Return the confirmed tracks as arcs."""
+        rows = self._tracks.rows
+        chosen = np.flatnonzero(rows[:, state.REPORTED])
+        parts = np.empty((len(rows), 2))
+        report.in_sight(image, rows, chosen, parts)
+        return report.arcs(rows, chosen, parts, self._points)

@@ -1,0 +1,55 @@
+"""Two arcs that lie on one curve, as one."""
+from __future__ import annotations
+
+import numpy as np
+
+from qflsd_ros.core.compilation import compiled, inlined
+from qflsd_ros.core.tracking import curve
+from qflsd_ros.core.tracking.state import END, MIDDLE, START
+
+LONGER = 3.0        # px, at least, by which an arc lengthens a track
+ALIGNED = 1.2       # px, by which the shorter of an arc and a track may lie off the longer
+
+
+@inlined
+def _aligned(longer: np.ndarray, i: int, shorter: np.ndarray, j: int) -> bool:
+    """Return whether start, middle and end of one arc lie on the curve of another."""
+    arc = curve.curve(longer, i)
+    for column in (START, MIDDLE, END):
+        share, off = curve.place(arc, shorter[j, column], shorter[j, column + 1])
+        if abs(off) > ALIGNED or abs(share * arc[4] * arc[6]) > 1 - curve.STEEPEST:
+            return False
+    return True
+
+
+@inlined
+def _reach(arc: curve.Curve, rows: np.ndarray, i: int) -> tuple[float, float]:
+    """Return from which share of the half chord of a curve to which an arc reaches."""
+    a, _ = curve.place(arc, rows[i, START], rows[i, START + 1])
+    b, _ = curve.place(arc, rows[i, END], rows[i, END + 1])
+    return min(a, b), max(a, b)
+
+
+@compiled
+def lengthen(rows: np.ndarray, track: int, arcs: np.ndarray, i: int, forwards: bool) -> bool:
+    """Let a track reach as far as an arc that lies on it; return whether it could."""
+    old, new = curve.curve(rows, track), curve.curve(arcs, i)
+    by_new = new[4] > old[4]
+    if by_new:
+        if not _aligned(arcs, i, rows, track):
+            return False
+        base, (first, last) = new, _reach(new, rows, track)
+    else:
+        if not _aligned(rows, track, arcs, i):
+            return False
+        base, (first, last) = old, _reach(old, arcs, i)
+    if max(-1 - first, last - 1) * base[4] < LONGER and not by_new:
+        return True
+    first, last = min(first, -1.0), max(last, 1.0)
+    if max(-first, last) * abs(base[6]) * base[4] > 1 - curve.STEEPEST:
+        return False
+    if by_new and not forwards:
+        first, last = last, first
+    for column, share in ((START, first), (MIDDLE, (first + last) / 2), (END, last)):
+        rows[track, column], rows[track, column + 1], _, _ = curve.at(base, share)
+    return True

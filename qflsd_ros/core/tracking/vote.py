@@ -1,0 +1,63 @@
+"""
+The common translation of tracks, by votes.
+
+An edge at the distance d along the normal n of a track speaks for all translations u with
+n.u = d: a line in the plane of translations, into whose cells it votes (Hough, 1962).
+"""
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from qflsd_ros.core.compilation import compiled
+from qflsd_ros.core.tracking.looks import NX, NY
+
+
+@compiled
+def _enter(votes: np.ndarray, nx: float, ny: float, d: float) -> None:
+    """Let an edge vote for the translations along its line."""
+    reach = len(votes) // 2
+    if abs(nx) >= abs(ny):
+        for j in range(-reach, reach + 1):
+            i = int(math.floor((d - j * ny) / nx + 0.5))
+            if -reach <= i <= reach:
+                votes[j + reach, i + reach] += 1
+    else:
+        for i in range(-reach, reach + 1):
+            j = int(math.floor((d - i * nx) / ny + 0.5))
+            if -reach <= j <= reach:
+                votes[j + reach, i + reach] += 1
+
+
+@compiled
+def translation(looks: np.ndarray, found: np.ndarray, counts: np.ndarray, n: int,
+                votes: np.ndarray) -> tuple[float, float, float]:
+    """
+    Return the translation that most normals agree on, px, and their share.
+
+    Parameters
+    ----------
+    looks, found, counts, n
+        As of :func:`looks.look`.
+    votes
+        (2 R + 1, 2 R + 1) int32, scratch: translations up to R px either way.
+
+    """
+    votes[:] = 0
+    for k in range(n):
+        for e in range(counts[k]):
+            _enter(votes, looks[k, NX], looks[k, NY], found[k, e])
+    best, best_i, best_j = -1.0, 0, 0
+    reach = len(votes) // 2
+    for j in range(1, len(votes) - 1):
+        for i in range(1, len(votes) - 1):
+            here = 0
+            for r in range(-1, 2):
+                here += votes[j + r, i - 1] + votes[j + r, i] + votes[j + r, i + 1]
+            # Of equals the smallest motion.
+            away = math.hypot(i - reach, j - reach)
+            value = here - 0.01 * away
+            if value > best:
+                best, best_i, best_j = value, i, j
+    return float(best_i - reach), float(best_j - reach), best / max(3.0 * n, 1.0)
