@@ -62,7 +62,7 @@ class Detector:
             (H, W) uint8, any strides.
         mask
             (H, W) uint8 or bool, not zero where arcs may be: no point of an arc, from start to
-            end, lies on another pixel.  Edges within 2 px (:data:`region.MARGIN`) of those are not
+            end, lies on another pixel.  Edges within 3 px (:data:`region.MARGIN`) of those are not
             looked for, so that the rim of the mask is not taken for an edge; what they show counts
             neither for noise nor contrast nor texture.  Keep the array between frames: it is
             looked at when another one comes.

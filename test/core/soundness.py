@@ -46,7 +46,7 @@ def assert_edge_pixels(pixels: np.ndarray, gray: np.ndarray, parameters: Paramet
     low = parameters.contrast_low * thresholds.scale(
         thresholds.estimate(gray), noise.of_gradient(grain, sigma), parameters.contrast_high)
     dx, dy = (np.empty(gray.shape, np.int16) for _ in range(2))
-    edges.gradients(gray, sigma, np.empty_like(gray), dx, dy)
+    edges.gradients(gray, sigma, np.empty(gray.shape, np.float32), dx, dy)
     dx, dy = dx / edges.GAIN, dy / edges.GAIN
     magnitude = np.pad(np.hypot(dx, dy), 1)
     x, y = pixels.T

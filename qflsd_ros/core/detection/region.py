@@ -6,8 +6,8 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-# px around what is masked in which gradients do not count: the blur and Sobel see 2 px far.
-MARGIN = 2
+# px around masked pixels in which gradients do not count: the usual blur and Sobel reach 3 px.
+MARGIN = 3
 
 
 class Region(NamedTuple):

@@ -20,7 +20,7 @@ def find(gray: np.ndarray, blur_sigma: float = 0.6, low: float = 5.0,
     """Return edge map, magnitude and the subpixel points (E, 2) of an image."""
     dx, dy = np.empty(gray.shape, np.int16), np.empty(gray.shape, np.int16)
     found, rows = np.empty(gray.shape, np.uint8), np.empty((3, gray.shape[1]), np.float32)
-    edges.gradients(gray, blur_sigma, np.empty_like(gray), dx, dy)
+    edges.gradients(gray, blur_sigma, np.empty(gray.shape, np.float32), dx, dy)
     count = edges.find(dx, dy, low, high, rows, found)
     pixels = np.flatnonzero(found).astype(np.int32)
     assert count == len(pixels)

@@ -50,7 +50,7 @@ def test_curvature_and_offset_within_their_stated_deviations():
         row = only(find(render(SHAPE, disk(x, y, radius), noise=3 * (seed % 2), seed=seed)))
         scores.append(((row['curvature'] - 1 / radius) / row['curvature_std'],
                        off_circle(row['middle'], x, y, radius) / row['offset_std']))
-    assert np.abs(scores).max() < 4
+    assert np.abs(scores).max() < 5
     assert 0.1 < np.std(scores) < 2
 
 

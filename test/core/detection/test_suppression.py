@@ -1,4 +1,4 @@
-"""Of parallel arcs on top of each other the longest; what lies apart or crosses stays."""
+"""Of close parallel arcs the longest; both sides of a line, and arcs apart or across, stay."""
 from __future__ import annotations
 
 from finding import find
@@ -15,11 +15,14 @@ def stroke(region, width: float):
 
 
 @pytest.mark.parametrize('angle', np.radians([0, 20, 45, 70, 90]))
-def test_a_thin_line_is_one_arc_or_two(angle):
+def test_both_sides_of_a_thin_line_are_kept(angle):
     gray = render(SHAPE, stroke(half_plane(99.5, 79.5, angle), 2))
-    assert len(find(gray, min_distance=5.0)) == 1
-    both = find(gray, min_distance=0.0).table
-    assert np.count_nonzero(both['length'] > 0.8 * both['length'].max()) >= 2
+    table = find(gray).table
+    assert len(table) == 2
+    one, two = table['end'] - table['start']
+    assert one @ two < 0                # each has the brighter side on its right
+    # A distance of more than twice the width asks for one of them.
+    assert len(find(gray, min_distance=8.0)) == 1
 
 
 @pytest.mark.parametrize('angle', np.radians([0, 20, 45, 70, 90]))
@@ -29,11 +32,11 @@ def test_a_wide_line_is_two_arcs(angle):
 
 
 @pytest.mark.parametrize('radius', [130, 200, 400])
-def test_a_thin_arc_is_one(radius):
+def test_both_sides_of_a_thin_arc_are_kept(radius):
     # The ring's inner and outer edge, over up to a third of a turn.
     gray = render(SHAPE, stroke(disk(99.5, 20 + radius, radius), 2))
-    arcs = find(gray, min_distance=5.0)
-    assert len(arcs) == 1
+    assert len(find(gray)) == 2
+    assert len(find(gray, min_distance=8.0)) == 1
 
 
 @pytest.mark.parametrize('radius', [165, 180, 220, 300])
@@ -46,7 +49,10 @@ def test_a_bent_edge_is_one_arc(radius):
 @pytest.mark.parametrize('angle', np.radians([0, 30, 90]))
 @pytest.mark.parametrize('distance', [6.5, 12.0, 30.0, 100.0])
 def test_any_distance_takes_in_what_is_closer(angle, distance):
-    gray = render(SHAPE, stroke(half_plane(99.5, 79.5, angle), 6))
+    # Two steps of the same polarity, 6 px apart.
+    x, y = -3 * np.sin(angle), 3 * np.cos(angle)
+    gray = (render(SHAPE, half_plane(99.5 - x, 79.5 - y, angle), 20, 120)
+            + render(SHAPE, half_plane(99.5 + x, 79.5 + y, angle), 0, 100))
     assert len(find(gray, min_distance=distance)) == 1
     assert len(find(gray, min_distance=5.0)) == 2
 

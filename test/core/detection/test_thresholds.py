@@ -22,13 +22,13 @@ def test_a_weak_image_has_the_strength_of_its_edges(height):
         height / thresholds.USUAL, abs=0.02)
 
 
-def test_more_than_usual_is_usual():
-    assert thresholds.estimate(step(20, 240)) == 1
+def test_a_strong_image_has_the_strength_of_its_edges():
+    assert thresholds.estimate(step(20, 240)) == pytest.approx(220 / thresholds.USUAL, abs=0.1)
 
 
 @given(arrays(np.uint8, st.tuples(st.integers(1, 40), st.integers(1, 40))))
 def test_any_image_has_some(gray):
-    assert thresholds.WEAKEST <= thresholds.estimate(gray) <= 1
+    assert thresholds.WEAKEST <= thresholds.estimate(gray) <= thresholds.LARGEST
 
 
 @given(st.floats(1, 3))

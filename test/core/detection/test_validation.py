@@ -94,7 +94,7 @@ def test_an_edge_that_wavers_scores_less():
 def test_noise_holds_next_to_nothing(seed, sigma):
     random = np.random.default_rng(seed)
     gray = np.clip(random.normal(128, sigma, (240, 320)), 0, 255).astype(np.uint8)
-    assert len(find(gray)) <= 1
+    assert len(find(gray)) <= 2
 
 
 def test_random_bits_hold_next_to_nothing():
