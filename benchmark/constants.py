@@ -27,7 +27,8 @@ from qflsd_ros.core import circle, detection, detector
 NOT_VARIED = {
     'column numbers, layout of memory and technical limits': (
         'chains.BYTE_NUMBERS', 'detector.SMALLEST_IMAGE', 'edges.WEAK',
-        'edges.STRONG', 'extraction.SECTION', 'extraction.NO_RUN', 'grid.CELL', 'joining.NODES',  'order.GRAIN', 'suppression.CELL', 'suppression.ENTRIES'),
+        'edges.STRONG', 'edges.VISITED', 'extraction.SECTION', 'extraction.NO_RUN', 'grid.CELL',
+        'heap.ITEM', 'joining.NODES', 'order.GRAIN', 'suppression.CELL', 'suppression.ENTRIES'),
     'given by theory': ('edges.GAIN',),
     'in use only with a known lens': (
         'frame.KNOWN_STD', 'joining.BOW', 'joining.BENT', 'joining.EASE'),

@@ -116,8 +116,9 @@ class Parameters:
         'independent; pure noise has some more. A larger one leaves only surer arcs.',
         '', -1000.0, 1000.0)
     min_distance: float = parameter(
-        2.4, 'Of parallel arcs closer than this the longest is reported, and no faint one a '
-        'little farther beside it; 0 reports all.', 'px', 0.0, 100.0)
+        2.4, 'Of parallel arcs of the same polarity closer than this the longest is reported, of '
+        'opposite polarity closer than half of this; no faint one a little farther beside it; 0 '
+        'reports all.', 'px', 0.0, 100.0)
     max_gap: float = parameter(
         60.0, 'Longest gap between two pieces of one arc; with 0 nothing is joined.',
         'px', 0.0, 1000.0)

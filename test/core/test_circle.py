@@ -116,7 +116,7 @@ def test_the_centre_is_farthest():
 
 
 @given(places, angles, st.floats(50, 300), st.floats(10, 60))
-def test_above_the_maximum_curvature_is_the_line_through_the_outer_two(place, angle, radius, length):
+def test_above_the_maximum_curvature_is_the_line_through_two(place, angle, radius, length):
     points = arc(place, angle, radius, length, 3)
     model = through(points, 0.9 / radius)
     outer = points[[0, 2]] - points[1]

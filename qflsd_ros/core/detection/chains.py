@@ -33,8 +33,9 @@ OCTANTS = np.array([5, 7, 3, 1, 4, 0, 4, 0, 6, 6, 2, 2], np.int64)
 TAN_22 = math.sqrt(2) - 1       # tangent of 22.5 degrees: half of an octant
 RING = 5                # pixels at a distance of 2 along x or y, within 60 degrees of a direction
 LONGEST = 2.0           # px, of a link (IPOL 2017)
-TURN = 2.0              # weight of the cosine of a link's turn: 1 to 4 change again by less than .002
-AGREE = math.cos(math.radians(50.0))    # cosine of the angle between two linked gradients, at least
+TURN = 2.0              # weight of the cosine of a link's turn in its cost (tried on photographs)
+# Least cosine of the angle between the gradients of a link (45 to 60 degrees work on photographs).
+AGREE = math.cos(math.radians(50.0))
 
 
 class EdgeMap(NamedTuple):

@@ -16,7 +16,8 @@ import numpy as np
 from qflsd_ros.core.compilation import compiled, inlined
 from qflsd_ros.core.detection.region import Region
 
-GAIN = 64               # units of dx and dy for a step of one grey level: 1.5 bits above noise of .5
+# Units of dx and dy for a step of one grey level: the largest, 2 GAIN 255, fits into 16 bits.
+GAIN = 64
 WEAK, STRONG, VISITED = 1, 2, 4     # edge pixels in the edge map; VISITED: part of a chain
 
 
@@ -49,7 +50,7 @@ def _sobel_at_border(above: np.ndarray, here: np.ndarray, below: np.ndarray, dx:
 
 @compiled
 def _sobel(blurred: np.ndarray, dx: np.ndarray, dy: np.ndarray) -> None:
-    """Write the Sobel gradients of an image of (H, W) float32, which continues linearly outside."""
+    """Write the Sobel gradients of a (H, W) float32 image, continued linearly outside."""
     height, width = blurred.shape
     for row in range(height):
         above, below = blurred[max(row - 1, 0)], blurred[min(row + 1, height - 1)]
@@ -115,7 +116,8 @@ def _thin(gx: np.ndarray, gy: np.ndarray, above: np.ndarray, here: np.ndarray, b
         before = ll if across_x else um
         after = rr if across_x else dm
         edge = (m > before) & (m >= after) & (m >= low)
-        out[i] = np.uint8(edge) * np.uint8(WEAK) + np.uint8(edge & (m >= high)) * np.uint8(STRONG - WEAK)
+        strong = edge & (m >= high)
+        out[i] = np.uint8(edge) * np.uint8(WEAK) + np.uint8(strong) * np.uint8(STRONG - WEAK)
         found += np.int32(edge)
     return found
 

@@ -54,4 +54,3 @@ def curvature_limits(significance: float, maximum: float,
     """Return the limits for arcs through a lens, and for pieces of them."""
     return (CurvatureLimits(significance, maximum, lens_prior(lens)),
             CurvatureLimits(significance, maximum, UNKNOWN_LENS))
-

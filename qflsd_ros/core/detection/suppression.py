@@ -1,10 +1,12 @@
 """
 Suppression: of parallel arcs closer than min_distance, the longest is kept.
 
-A thin line in the image has an edge on either side, a blurred edge may be found twice, and
-sharpening in the camera adds a faint edge, a halo, beside a strong one.  Arcs are entered into a
-grid, the longest first.  An arc is suppressed if most of it is close and parallel to arcs in the
-grid.
+A blurred edge may be found twice, and sharpening in the camera adds a faint edge, a halo, beside
+a strong one.  Both sides of a thin line are edges of opposite polarity and are kept: a choice
+between them would change from frame to frame.
+
+Arcs are entered into a grid, the longest first.  An arc is suppressed if most of it is close and
+parallel to arcs in the grid.
 """
 from __future__ import annotations
 
@@ -20,8 +22,8 @@ from qflsd_ros.core.compilation import compiled, inlined
 PARALLEL = math.sin(math.radians(10.0))     # sine of the angle between parallel arcs, at most
 HIDDEN = 0.6        # share of an arc close to others from which on it is suppressed
 FAINT = 0.55        # contrast of a halo, as a share of the contrast of the arc, at most
-# Distance of an arc of opposite polarity, as a multiple of min_distance, at most: both sides of a
-# thin line, which are kept, are 1.7 px apart or more.
+# Distance of an arc of opposite polarity, as a multiple of min_distance, at most: the sides of a
+# line of no width that is blurred by s are 2 s apart, 1.9 px with the usual blur and Sobel.
 OPPOSITE = 0.5
 HALO = 1.5          # distance of a halo, as a multiple of min_distance, at most
 CELL = 16.0         # px, of the grid

@@ -1,10 +1,10 @@
 """
-How strong the edges of an image are: less in the dark, in fog and out of focus.
+Thresholds: how strong the edges of an image are, which is less in the dark and out of focus.
 
-What is an edge is said for photographs of usual contrast.  In a weaker image an edge is weaker in
-proportion, as long as it stands out from the noise: so it is that nobody needs to tune thresholds
-for another exposure.  The strength of an image is that of its strongest slopes, along lines all
-over it, since those cross edges.
+The contrasts in Parameters are meant for photographs of usual contrast.  They are multiplied by
+the strength of the image, and stay above its noise, so that they need no tuning for another
+exposure.  The strength is that of the steepest slopes along lines all over the image, since lines
+cross edges.
 """
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ import numpy as np
 from qflsd_ros.core.compilation import compiled, inlined
 from qflsd_ros.core.detection.region import Region, region
 
-LINES = 12              # looked at in each direction
+LINES = 12              # in each direction
 PIECES = 16             # of a line
-SMALLEST = PIECES + 2   # px, of a side; less shows no pieces
-STRONGEST = 0.03        # share of all pieces that are believed to cross an edge
-USUAL = 110.0           # grey levels from pixel to next but one, that these have at least
+SMALLEST = PIECES + 2   # px, of a side: a piece has one pixel at least
+STRONGEST = 0.03        # share of the pieces that cross a strong edge in most photographs
+USUAL = 110.0           # grey levels between pixels two apart, in the weakest of these pieces
 # Least and largest strength, as shares of that: weaker slopes are not edges, and thresholds follow
 # the gain of a camera up to the largest (tuned on photographs under changes of light).
 WEAKEST, LARGEST = 0.35, 2.5
-ABOVE_NOISE = 3.5       # standard deviations of noise that an edge stands out
+ABOVE_NOISE = 3.5       # contrast_high in standard deviations of the gradient noise, at least
 
 
 @inlined
