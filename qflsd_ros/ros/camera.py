@@ -32,6 +32,9 @@ SYNTHETIC = 'scene'
 # A shorter delay is caught up; a longer one, a few frames of a usual camera, means that the source
 # cannot keep its rate.
 MAX_LAG = 0.25      # s
+# rclpy misses a signal that comes between its look at the context and the wait: each wait has an
+# end, so that the next look sees that the context is shut down.
+LONGEST_WAIT = 1.0  # s, short enough for whoever presses Ctrl-C, and too long to use CPU time
 LOG_PERIOD = 5.0    # s between two warnings of a longer delay, few enough to read
 
 
@@ -120,11 +123,11 @@ class CameraNode(Node):
         executor = SingleThreadedExecutor(context=self.context)
         executor.add_node(self)
         while not self._kernels.ready:
-            executor.spin_once()
+            executor.spin_once(LONGEST_WAIT)
         for frame in self._frames():
             executor.spin_once(0)
             while (wait := self._due - time.monotonic()) > 0:
-                executor.spin_once(wait)
+                executor.spin_once(min(wait, LONGEST_WAIT))
             self._await_listener(executor)
             self._publisher.publish(self._message(frame))
         self._publisher.wait_for_all_acked(Duration(seconds=1))
@@ -136,7 +139,7 @@ class CameraNode(Node):
         """Wait for a subscriber before the next frame, if the source permits that."""
         if self._source.on_demand and not self._publisher.get_subscription_count():
             while not self._publisher.get_subscription_count():
-                executor.spin_once()
+                executor.spin_once(LONGEST_WAIT)
             self._due = time.monotonic()
 
     def _frames(self) -> Iterator[Frame]:

@@ -3,6 +3,7 @@ from __future__ import annotations
 
 from pathlib import Path
 import signal
+import time
 from typing import TYPE_CHECKING
 
 import pytest
@@ -20,6 +21,27 @@ def test_a_signal_in_the_first_second(peer: Peer, number: int, node: str, librar
     maps = Path(f'/proc/{process.popen.pid}/maps')
     peer.until(lambda: library in maps.read_text(), period=0.001)
     assert process.stop(number) == 0
+    assert process.output == ''
+
+
+DEAF = """
+import sys
+from rclpy import executors
+from rclpy.guard_condition import GuardCondition
+executors.SignalHandlerGuardCondition = lambda context: GuardCondition(None, None, context=context)
+from qflsd_ros.ros.__main__ import main
+sys.exit(main())
+"""
+
+
+@pytest.mark.parametrize('node', ['camera', 'detector'])
+def test_a_signal_that_rclpy_misses(peer: Peer, node: str) -> None:
+    """A wait that no signal ends, as between two waits, is over soon."""
+    process = peer.run('-c', DEAF, node)
+    peer.until(lambda: node in peer.node.get_node_names())
+    begin = time.monotonic()
+    peer.until(lambda: time.monotonic() > begin + 2.0)  # it waits for a listener by now
+    assert process.stop() == 0
     assert process.output == ''
 
 
