@@ -37,7 +37,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from qflsd_ros.core.arcs import Arcs, TABLE
+from qflsd_ros.core.arcs import Arcs
 from qflsd_ros.core.compilation import compiled
 from qflsd_ros.core.lens.division import DivisionModel
 from qflsd_ros.core.lens.observation import (
@@ -73,10 +73,6 @@ OFF_CENTRE = 9.2
 # Gauss-Newton steps; an estimate that leaves ASTRAY times the range of lambda does not return; a
 # step below SMALL standard deviations ends the refinement, as it no longer matters.
 ITERATIONS, ASTRAY, SMALL = 30, 3.0, 0.02
-
-STRAIGHT_TABLE = np.dtype(TABLE.descr + [
-    ('straight', np.float64),   # probability that the arc is the image of a straight edge
-])
 
 
 @dataclass(frozen=True)
@@ -234,10 +230,11 @@ def with_straightness(arcs: Arcs, lens: DivisionModel | None) -> Arcs:
     """
     Return the arcs with :func:`straightness` as an additional column ``straight`` of the table.
 
-    The column is nan if the lens is unknown (None).
+    It is the probability that an arc is the image of a line, and nan if the lens is unknown
+    (None).  All other columns stay, those of a tracker too.
     """
-    table = np.empty(len(arcs), STRAIGHT_TABLE)
-    for name in TABLE.fields or ():
+    table = np.empty(len(arcs), np.dtype([*arcs.table.dtype.descr, ('straight', np.float64)]))
+    for name in arcs.table.dtype.names or ():
         table[name] = arcs.table[name]
     table['straight'] = np.nan if lens is None else straightness(arcs, lens)
     return replace(arcs, table=table)

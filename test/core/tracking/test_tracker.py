@@ -2,7 +2,7 @@
 import cv2
 import numpy as np
 import pytest
-from qflsd_ros.core import DivisionModel, Parameters, Tracker
+from qflsd_ros.core import DivisionModel, Parameters, Tracker, with_straightness
 from qflsd_ros.core.arcs import TRACKED_TABLE
 from qflsd_ros.core.tracking import state
 from qflsd_ros.core.tracking.tracker import LAST_IDENTITY
@@ -163,3 +163,13 @@ def test_numbers_begin_again_after_the_last_one_but_for_those_alive():
     tracker._next = LAST_IDENTITY
     given = tracker._identities(3).tolist()
     assert given[0] == LAST_IDENTITY and not set(given) & alive and min(given) >= 1
+
+
+def test_straightness_keeps_the_columns_of_a_track():
+    tracker = Tracker()
+    for frame in frames(3):
+        arcs = tracker.track(frame)
+    both = with_straightness(arcs, DivisionModel(-0.1, (HEIGHT, WIDTH))).table
+    for name in ('track', 'age', 'held', 'length'):
+        assert np.array_equal(both[name], arcs.table[name])
+    assert np.isfinite(both['straight']).any()
