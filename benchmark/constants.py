@@ -28,11 +28,11 @@ NOT_VARIED = {
     'column numbers, layout of memory and technical limits': (
         'chains.BYTE_NUMBERS', 'detector.SMALLEST_IMAGE', 'edges.WEAK',
         'edges.STRONG', 'edges.VISITED', 'extraction.SECTION', 'extraction.NO_RUN', 'grid.CELL',
-        'heap.ITEM', 'joining.NODES', 'order.GRAIN', 'suppression.CELL', 'suppression.ENTRIES'),
+        'heap.ITEM', 'pieces.NODES', 'order.GRAIN', 'suppression.CELL', 'suppression.ENTRIES'),
     'given by theory': ('edges.GAIN',),
     'in use only with a known lens': (
-        'frame.KNOWN_STD', 'joining.BOW', 'joining.BENT', 'joining.EASE'),
-    'in use only with a mask': ('assembly.SAMPLED',)}
+        'frame.KNOWN_STD', 'agreement.BOW', 'agreement.BENT', 'agreement.EASE'),
+    'in use only with a mask': ('region.SAMPLED',)}
 LEFT_OUT = frozenset(title for titles in NOT_VARIED.values() for title in titles)
 Name = tuple[str, str]      # module, name in it
 

@@ -10,8 +10,7 @@ from qflsd_ros.core import paper
 from qflsd_ros.core.arcs import Arcs
 from qflsd_ros.core.circle import FIT_SIZE
 from qflsd_ros.core.detection import (
-    assembly, chains, edges, extraction, joining, noise, refinement, thresholds)
-from qflsd_ros.core.detection.edges import Gradients
+    assembly, chains, edges, extraction, joining, noise, pieces, refinement, thresholds)
 from qflsd_ros.core.detection.frame import curvature_limits, Frame, Limits
 from qflsd_ros.core.detection.region import Region, region
 from qflsd_ros.core.lens.division import DivisionModel
@@ -33,7 +32,7 @@ class Detector:
     A detector keeps its memory from frame to frame: use one for each thread.  Its attribute
     ``parameters`` may be replaced between two frames.  Its attribute ``on_stage``, if not None, is
     called with the name of each stage of method arcs when the stage ends.  Its attribute
-    ``gradients`` holds those of the last frame, until the next one comes; None where there are
+    ``frame`` holds the gradients of the last frame until the next one comes; None where there are
     none: before the first frame, of an image of less than 3 px, and with method paper.
 
     """
@@ -42,7 +41,7 @@ class Detector:
         """Take parameters (None: the defaults); nothing is compiled yet, see :meth:`warm_up`."""
         self.parameters = Parameters() if parameters is None else parameters
         self.on_stage: Callable[[str], None] | None = None
-        self.gradients: Gradients | None = None
+        self.frame: Frame | None = None
         self._memory = _Memory(0, 0)
 
     def warm_up(self) -> None:
@@ -85,7 +84,7 @@ class Detector:
 
         """
         _check(gray, mask, lens)
-        self.gradients = None
+        self.frame = None
         if min(gray.shape) < SMALLEST_IMAGE:
             return Arcs.empty()
         gray = np.ascontiguousarray(gray)
@@ -103,8 +102,7 @@ class Detector:
         grain = noise.estimate(gray, region)
         limits = self._limits(grain, lens)
         self._ended('noise')
-        frame = self._frame(gray, region, grain)
-        self.gradients = Gradients(frame.dx, frame.dy, edges.GAIN, frame.noise, region)
+        self.frame = frame = self._compute_frame(gray, region, grain)
         self._ended('gradients')
         memory.reserve(edges.find(frame.dx, frame.dy, frame.low, frame.high, memory.magnitudes,
                                   memory.edges))
@@ -115,18 +113,19 @@ class Detector:
         self._ended('chains')
         count = extraction.extract(memory.points, offsets, limits, memory.todo, memory.runs,
                                    memory.fits)
-        pieces = joining.describe(memory.points, memory.runs[:count], memory.fits[:count],
-                                  memory.joining)
+        found_pieces = pieces.describe(memory.points, memory.runs[:count], memory.fits[:count],
+                                       memory.pieces)
         self._ended('extraction')
-        joined = joining.join(pieces, memory.joining, frame, limits)
+        joined = joining.join(found_pieces, memory.joining, frame, limits)
         self._ended('joining')
-        found = assembly.candidates(pieces, joined)
-        assembly.validate(found, pieces, memory.points, frame, limits,
+        found = assembly.candidates(found_pieces, joined)
+        assembly.validate(found, found_pieces, memory.points, frame, limits,
                           limits.min_length - refinement.SHIFT)
         self._ended('validation')
         assembly.separate(found, gray.shape, limits.min_distance)
         self._ended('suppression')
-        kept = assembly.gather(found, pieces.runs, memory.points, memory.pixels, gray.shape[1])
+        kept = assembly.gather(found, found_pieces.runs, memory.points, memory.pixels,
+                               gray.shape[1])
         arcs = refinement.refine(kept, frame, limits)
         self._ended('refinement')
         return arcs
@@ -138,7 +137,7 @@ class Detector:
                       parameters.min_distance, parameters.max_gap, parameters.tolerance,
                       *curvature_limits(SIGNIFICANCE, self._max_curvature(), lens))
 
-    def _frame(self, gray: np.ndarray, region: Region, grain: float) -> Frame:
+    def _compute_frame(self, gray: np.ndarray, region: Region, grain: float) -> Frame:
         """Compute the gradients, and the thresholds for them (Step 1)."""
         memory, parameters = self._memory, self.parameters
         blur_sigma = noise.blur(parameters.blur_sigma, grain)
@@ -226,4 +225,4 @@ class _Memory:
         self.offsets = np.empty(most, np.int64)
         self.todo, self.runs = np.empty((most, 3), np.int64), np.empty((most, 2), np.int64)
         self.fits = np.empty((most, FIT_SIZE))
-        self.joining = joining.Memory(most)
+        self.pieces, self.joining = pieces.piece_memory(most), joining.Memory(most)

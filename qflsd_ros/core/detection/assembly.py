@@ -12,13 +12,13 @@ from qflsd_ros.core.arcs import (
     RMS, SCORE, START, SUPPORT)
 from qflsd_ros.core.compilation import compiled, inlined
 from qflsd_ros.core.detection import validation
+from qflsd_ros.core.detection.agreement import MAX_TURN
 from qflsd_ros.core.detection.extension import extended, FARTHEST
 from qflsd_ros.core.detection.frame import Frame, Limits
-from qflsd_ros.core.detection.joining import Joined, MAX_TURN, Pieces
-from qflsd_ros.core.detection.region import Region
+from qflsd_ros.core.detection.joining import Joined
+from qflsd_ros.core.detection.pieces import Pieces
+from qflsd_ros.core.detection.region import is_open, Region, SAMPLED
 from qflsd_ros.core.detection.suppression import suppress
-
-SAMPLED = 0.5           # px between the points of an arc that are compared with a mask, at most
 
 
 class Found(NamedTuple):
@@ -52,18 +52,6 @@ def write_geometry(fits: np.ndarray, fit: int, start: tuple[float, float],
     rows[arc, CURVATURE], rows[arc, LENGTH] = curvature, length
 
 
-@inlined
-def _is_open(allowed: np.ndarray, x: float, y: float) -> bool:
-    """Return whether no masked pixel is within half a sampling step of a point, along x and y."""
-    for side_x in (-SAMPLED / 2, SAMPLED / 2):
-        column = min(max(int(math.floor(x + side_x + 0.5)), 0), allowed.shape[1] - 1)
-        for side_y in (-SAMPLED / 2, SAMPLED / 2):
-            row = min(max(int(math.floor(y + side_y + 0.5)), 0), allowed.shape[0] - 1)
-            if not allowed[row, column]:
-                return False
-    return True
-
-
 @compiled
 def _avoids_mask(rows: np.ndarray, arc: int, allowed: np.ndarray) -> bool:
     """Return whether no point of an arc is on a masked pixel, by points SAMPLED apart."""
@@ -77,7 +65,7 @@ def _avoids_mask(rows: np.ndarray, arc: int, allowed: np.ndarray) -> bool:
         part = half * i / steps
         along = math.sin(part) / math.sin(half) if abs(half) > 1e-9 else i / steps
         c, s = along * math.cos(part - half), along * math.sin(part - half)
-        if not _is_open(allowed, x0 + c * cx - s * cy, y0 + c * cy + s * cx):
+        if not is_open(allowed, x0 + c * cx - s * cy, y0 + c * cy + s * cx):
             return False
     return True
 

@@ -8,13 +8,11 @@ non-maxima suppression method for edge detection with sub-pixel accuracy, INRIA 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import cv2
 import numpy as np
 
 from qflsd_ros.core.compilation import compiled, inlined
-from qflsd_ros.core.detection.region import Region
 
 # Units of dx and dy for a step of one grey level: the largest, 2 GAIN 255, fits into 16 bits.
 GAIN = 64
@@ -56,16 +54,6 @@ def _sobel(blurred: np.ndarray, dx: np.ndarray, dy: np.ndarray) -> None:
         above, below = blurred[max(row - 1, 0)], blurred[min(row + 1, height - 1)]
         _sobel_row(above, blurred[row], below, dx[row], dy[row])
         _sobel_at_border(above, blurred[row], below, dx[row], dy[row])
-
-
-class Gradients(NamedTuple):
-    """The gradients of a frame."""
-
-    dx: np.ndarray          # (H, W) int16, of which ``gain`` is one grey level
-    dy: np.ndarray
-    gain: float
-    noise: float            # standard deviation of dx and dy, grey levels
-    region: Region          # where they count
 
 
 def gradients(gray: np.ndarray, blur_sigma: float, blurred: np.ndarray,

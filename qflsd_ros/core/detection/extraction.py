@@ -22,6 +22,7 @@ from qflsd_ros.core import circle
 from qflsd_ros.core.circle import Circle
 from qflsd_ros.core.compilation import compiled, inlined
 from qflsd_ros.core.detection.frame import Limits
+from qflsd_ros.core.detection.spacing import place
 
 # Radians by which an arc may turn, taking a point for each px: points are up to 1.41 px apart,
 # and the image of a line turns by less than pi.
@@ -85,15 +86,6 @@ def _hypothesis(points: np.ndarray, bounds: Span, window: Span, limits: Limits) 
 
 
 @inlined
-def _begin(bounds: Span, span: int, i: int, steps: int) -> int:
-    """Return where window i of 0 to ``steps``, an odd number, begins: the same from both ends."""
-    room = bounds[1] + 1 - bounds[0] - span
-    if 2 * i < steps:
-        return bounds[0] + i * room // steps
-    return bounds[1] + 1 - span - (steps - i) * room // steps
-
-
-@inlined
 def _strength(points: np.ndarray, lo: int, hi: int) -> float:
     """Return the squared gradients at both ends of a run, which decide between equal lengths."""
     return float(points[2, lo] ** 2 + points[3, lo] ** 2 + points[2, hi] ** 2 + points[3, hi] ** 2)
@@ -103,10 +95,11 @@ def _strength(points: np.ndarray, lo: int, hi: int) -> float:
 def _longest(points: np.ndarray, bounds: Span, span: int, limits: Limits) -> Span:
     """Return the longest run that a window of ``span`` points finds within bounds."""
     best_lo, best_hi = NO_RUN
-    # At most half a span from one window to the next.
-    steps = 2 * (bounds[1] + 1 - bounds[0] - span) // span | 1
+    room = bounds[1] + 1 - bounds[0] - span
+    # At most half a span from one window to the next; no window in the middle.
+    steps = 2 * room // span | 1
     for i in range(steps + 1):
-        begin = _begin(bounds, span, i, steps)
+        begin = bounds[0] + place(i, room, steps)
         lo, hi = _hypothesis(points, bounds, (begin, begin + span - 1), limits)
         longer = (hi - lo) - (best_hi - best_lo)
         if longer > 0 or longer == 0 and _strength(points, lo, hi) > _strength(points, best_lo,

@@ -19,6 +19,7 @@ import numpy as np
 
 from qflsd_ros.core.compilation import compiled, inlined
 from qflsd_ros.core.detection.region import Region, region
+from qflsd_ros.core.detection.spacing import place
 
 HEIGHT, WIDTH = 8, 8    # px, of a block
 ROWS, COLUMNS = 14, 14  # of blocks
@@ -56,12 +57,6 @@ def _response(gray: np.ndarray, top: int, left: int) -> tuple[np.int32, np.int32
 
 
 @inlined
-def _place(i: int, room: int, steps: int) -> int:
-    """Return i / steps of the room in whole px: the same from both sides."""
-    return i * room // steps if 2 * i <= steps else room - (steps - i) * room // steps
-
-
-@inlined
 def _is_masked(allowed: np.ndarray, top: int, left: int) -> bool:
     """Return whether any pixel is masked that the responses in a block depend on."""
     for y in range(top - 1, top + HEIGHT + 1):
@@ -83,9 +78,9 @@ def _responses(gray: np.ndarray, where: Region, responses: np.ndarray) -> tuple[
     height, width = where.bottom - where.top, where.right - where.left
     count = busy = silent = 0
     for row in range(ROWS):
-        top = where.top + 1 + _place(row, height - 2 - HEIGHT, ROWS - 1)
+        top = where.top + 1 + place(row, height - 2 - HEIGHT, ROWS - 1)
         for column in range(COLUMNS):
-            left = where.left + 1 + _place(column, width - 2 - WIDTH, COLUMNS - 1)
+            left = where.left + 1 + place(column, width - 2 - WIDTH, COLUMNS - 1)
             if where.masked and _is_masked(where.allowed, top, left):
                 continue
             total, still, saturated = _response(gray, top, left)

@@ -1,13 +1,17 @@
 """Where arcs may be: the part of an image that a mask leaves."""
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import cv2
 import numpy as np
 
+from qflsd_ros.core.compilation import inlined
+
 # px around masked pixels in which gradients do not count: the usual blur and Sobel reach 3 px.
 MARGIN = 3
+SAMPLED = 0.5           # px between the points of an arc that are compared with a mask, at most
 
 
 class Region(NamedTuple):
@@ -39,3 +43,15 @@ def _extent(lines: np.ndarray) -> tuple[int, int]:
     """Return where the first of the lines that are True is, and the one after the last."""
     wanted = np.flatnonzero(lines)
     return (int(wanted[0]), int(wanted[-1]) + 1) if len(wanted) else (0, 0)
+
+
+@inlined
+def is_open(allowed: np.ndarray, x: float, y: float) -> bool:
+    """Return whether no masked pixel is within half a sampling step of a point, along x and y."""
+    for side_x in (-SAMPLED / 2, SAMPLED / 2):
+        column = min(max(int(math.floor(x + side_x + 0.5)), 0), allowed.shape[1] - 1)
+        for side_y in (-SAMPLED / 2, SAMPLED / 2):
+            row = min(max(int(math.floor(y + side_y + 0.5)), 0), allowed.shape[0] - 1)
+            if not allowed[row, column]:
+                return False
+    return True

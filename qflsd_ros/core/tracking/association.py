@@ -1,45 +1,108 @@
 """
-What the arcs detected in a frame say of the tracks: on which they lie, and where they lead on.
+Association of the arcs detected in a frame with the tracks.
 
-A detected arc on a track lengthens it; one on no track becomes a new one.
+An arc on a track lengthens it; an arc on no track begins a new one.
 """
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from qflsd_ros.core.compilation import compiled, inlined
+from qflsd_ros.core.detection.suppression import HIDDEN
 from qflsd_ros.core.tracking import curve
-from qflsd_ros.core.tracking.chart import enter, EVERY, HIDDEN, NOBODY, owner
+from qflsd_ros.core.tracking.chart import enter, EVERY, NOBODY, owner
 from qflsd_ros.core.tracking.looks import ONE_SIDED
 from qflsd_ros.core.tracking.state import POLARITY, SCORE
 from qflsd_ros.core.tracking.union import lengthen
 
-NEAR = 2.0          # px, from a track to an arc on it
-PLACES = 8          # tracks on one arc that are looked at
-AT_LEAST = 0.3      # of the shorter of them: that they have in common
+# Origin of these: chosen on photographs seen by a turning camera; they were not varied one by one.
+NEAR = 2.0          # px from a track to an arc on it, at most
+PLACES = 8          # tracks that are compared with one arc, at most
+AT_LEAST = 0.3      # length that an arc and its track share, of the shorter one
 
 NEW, KNOWN, LEFT_OUT = 0, 1, 2      # what becomes of an arc
 
 
+class Tally(NamedTuple):
+    """The tracks that one arc lies on, and the length that it shares with each."""
+
+    tracks: np.ndarray      # (PLACES,) int64
+    lengths: np.ndarray     # (PLACES,) float64, px
+
+
+class Outcome(NamedTuple):
+    """What the arcs of a frame change of M tracks, and what becomes of N arcs."""
+
+    covered: np.ndarray     # (M,) float64, px of each track with an arc on it
+    scores: np.ndarray      # (M,) float64, the scores of these arcs, in proportion to their length
+    absorbed: np.ndarray    # (M,) bool, whether a track became part of another
+    fate: np.ndarray        # (N,) int64: NEW, KNOWN or LEFT_OUT
+
+
 @inlined
-def _add(names: np.ndarray, sums: np.ndarray, count: int, track: int, weight: float) -> int:
-    """Add to the length that an arc has on a track; return how many tracks there are."""
+def _add(tally: Tally, count: int, track: int, length: float) -> int:
+    """Add to the length that an arc shares with a track; return the number of tracks."""
     for k in range(count):
-        if names[k] == track:
-            sums[k] += weight
+        if tally.tracks[k] == track:
+            tally.lengths[k] += length
             return count
     if count < PLACES:
-        names[count], sums[count] = track, weight
+        tally.tracks[count], tally.lengths[count] = track, length
         count += 1
     return count
 
 
+@inlined
+def _compare(chart: np.ndarray, rows: np.ndarray, arc: curve.Curve, polarity: float,
+             distance: float, tally: Tally) -> tuple[int, float]:
+    """Fill the tally of an arc; return the number of its tracks, and its length beside tracks."""
+    size = curve.length(arc)
+    steps = max(int(math.ceil(size / EVERY)), 1)
+    length, count, beside = size / (steps + 1), 0, 0.0
+    for j in range(steps + 1):
+        x, y, nx, ny = curve.at(arc, 2 * j / steps - 1)
+        track, cosine = owner(chart, rows, x, y, nx, ny, max(NEAR, distance))
+        if track == NOBODY:
+            continue
+        beside += length
+        if cosine > 0 or min(rows[track, POLARITY], polarity) <= ONE_SIDED:
+            count = _add(tally, count, track, length)
+    return count, beside
+
+
+@inlined
+def _credit(tally: Tally, count: int, score: float, outcome: Outcome) -> int:
+    """Credit an arc's score, per px, to its tracks; return the place of the longest, or -1."""
+    best = -1
+    for k in range(count):
+        track = tally.tracks[k]
+        outcome.covered[track] += tally.lengths[k]
+        outcome.scores[track] += score * tally.lengths[k]
+        if not outcome.absorbed[track] and (best < 0 or tally.lengths[k] > tally.lengths[best]):
+            best = k
+    return best
+
+
+@inlined
+def _lengthen(chart: np.ndarray, rows: np.ndarray, track: int, arcs: np.ndarray, i: int,
+              shared: float) -> bool:
+    """Lengthen a track by an arc that shares enough of its length; return whether it could."""
+    own, arc = curve.curve(rows, track), curve.curve(arcs, i)
+    if shared < AT_LEAST * min(curve.length(arc), curve.length(own)):
+        return False
+    forwards = own[2] * arc[2] + own[3] * arc[3] > 0
+    if not lengthen(rows, track, arcs, i, forwards):
+        return False
+    enter(chart, rows, track)
+    return True
+
+
 @compiled
-def associate(chart: np.ndarray, rows: np.ndarray, arcs: np.ndarray, order: np.ndarray,
-              distance: float, covered: np.ndarray, scores: np.ndarray, absorbed: np.ndarray,
-              fate: np.ndarray, names: np.ndarray, sums: np.ndarray) -> None:
+def associate(chart: np.ndarray, rows: np.ndarray, arcs: np.ndarray, distance: float,
+              tally: Tally, outcome: Outcome) -> None:
     """
     Compare arcs with the tracks, and lengthen those on which they lie.
 
@@ -50,54 +113,27 @@ def associate(chart: np.ndarray, rows: np.ndarray, arcs: np.ndarray, order: np.n
     rows
         (M, COLUMNS) float64, the tracks.
     arcs
-        (N, COLUMNS) float64, the detected arcs, of which geometry, polarity and score count.
-    order
-        (N,) int64, in which order to look at them.
+        (N, COLUMNS) float64, the detected arcs, of which geometry, polarity and score count; they
+        are compared in this order.
     distance
-        Up to which an arc beside a track is left out, px.
-    covered, scores
-        (M,) float64, to which the lengths of the arcs on each track are added, px, and their
-        scores, in proportion.
-    absorbed
-        (M,) bool, set True for tracks that became a part of another.
-    fate
-        (N,) int64, takes what becomes of each arc: NEW, KNOWN or LEFT_OUT.
-    names, sums
-        (PLACES,) int64 and float64, scratch.
+        Largest distance of an arc that is left out beside a track, px.
+    tally
+        Working memory.
+    outcome
+        Receives the outcome; 0 and False before.
 
     """
-    for i in order:
+    for i in range(len(arcs)):
         arc = curve.curve(arcs, i)
         size = curve.length(arc)
-        steps = max(int(math.ceil(size / EVERY)), 1)
-        weight, count, beside, same = size / (steps + 1), 0, 0.0, 0.0
-        for j in range(steps + 1):
-            x, y, nx, ny = curve.at(arc, 2 * j / steps - 1)
-            track, cosine = owner(chart, rows, x, y, nx, ny, max(NEAR, distance))
-            if track == NOBODY:
-                continue
-            beside += weight
-            if cosine > 0 or min(rows[track, POLARITY], arcs[i, POLARITY]) <= ONE_SIDED:
-                same += weight
-                count = _add(names, sums, count, track, weight)
-        fate[i] = NEW if beside < HIDDEN * size else LEFT_OUT
-        best = -1
+        count, beside = _compare(chart, rows, arc, arcs[i, POLARITY], distance, tally)
+        outcome.fate[i] = NEW if beside < HIDDEN * size else LEFT_OUT
+        best = _credit(tally, count, arcs[i, SCORE] / size, outcome)
+        if best < 0 or not _lengthen(chart, rows, tally.tracks[best], arcs, i,
+                                     tally.lengths[best]):
+            continue
+        outcome.fate[i] = KNOWN
         for k in range(count):
-            covered[names[k]] += sums[k]
-            scores[names[k]] += arcs[i, SCORE] * sums[k] / size
-            if not absorbed[names[k]] and (best < 0 or sums[k] > sums[best]):
-                best = k
-        if best < 0:
-            continue
-        track = names[best]
-        own = curve.curve(rows, track)
-        if sums[best] < AT_LEAST * min(size, curve.length(own)):
-            continue
-        forwards = own[2] * arc[2] + own[3] * arc[3] > 0
-        if not lengthen(rows, track, arcs, i, forwards):
-            continue
-        fate[i] = KNOWN
-        enter(chart, rows, track)
-        for k in range(count):
-            if k != best and sums[k] >= HIDDEN * curve.length(curve.curve(rows, names[k])):
-                absorbed[names[k]] = True
+            own = curve.length(curve.curve(rows, tally.tracks[k]))
+            if k != best and tally.lengths[k] >= HIDDEN * own:
+                outcome.absorbed[tally.tracks[k]] = True

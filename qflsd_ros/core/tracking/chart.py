@@ -11,15 +11,14 @@ import math
 import numpy as np
 
 from qflsd_ros.core.compilation import compiled, inlined
+from qflsd_ros.core.detection.suppression import HIDDEN, PARALLEL
 from qflsd_ros.core.tracking import curve
 from qflsd_ros.core.tracking.union import lengthen
 
 NOBODY = -1         # on a pixel
 BESIDE = 2          # px across, that a track takes on either side
 EVERY = 3.0         # px between places of an arc that are looked at
-PARALLEL = math.sin(math.radians(10.0))     # as in suppression
 SHARED = 3          # such places that two tracks on one curve share, to become one
-HIDDEN = 0.6        # as in suppression: share of a track on others from which on it is left out
 
 
 @compiled

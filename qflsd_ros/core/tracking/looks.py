@@ -4,7 +4,7 @@ from __future__ import annotations
 import numpy as np
 
 from qflsd_ros.core.compilation import compiled
-from qflsd_ros.core.detection.edges import Gradients
+from qflsd_ros.core.detection.frame import Frame
 from qflsd_ros.core.tracking import curve
 from qflsd_ros.core.tracking.normals import edges_along, in_sight
 from qflsd_ros.core.tracking.state import CONTRAST, POLARITY
@@ -24,7 +24,7 @@ def weakest(rows: np.ndarray, i: int, noise: float) -> float:
 
 
 @compiled
-def look(image: Gradients, before: np.ndarray, rows: np.ndarray, chosen: np.ndarray,
+def look(image: Frame, before: np.ndarray, rows: np.ndarray, chosen: np.ndarray,
          each: int, shift: tuple[float, float], reach: float, looks: np.ndarray,
          found: np.ndarray, counts: np.ndarray) -> int:
     """
@@ -33,7 +33,7 @@ def look(image: Gradients, before: np.ndarray, rows: np.ndarray, chosen: np.ndar
     Parameters
     ----------
     image
-        Gradients of the frame.
+        The frame.
     before, rows
         (M, COLUMNS) float64, the tracks in the frame before, and where they are expected.
     chosen

@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from qflsd_ros.core.compilation import compiled, inlined
-from qflsd_ros.core.detection.edges import Gradients
+from qflsd_ros.core.detection.frame import Frame
 from qflsd_ros.core.tracking import curve
 from qflsd_ros.core.tracking.looks import nearest, ONE_SIDED, weakest
 from qflsd_ros.core.tracking.normals import edges_along, in_sight
@@ -129,7 +129,7 @@ def _write(rows: np.ndarray, i: int, shares: np.ndarray, found: np.ndarray, coun
 
 
 @compiled
-def measure(image: Gradients, rows: np.ndarray, needed: np.ndarray, shares: np.ndarray,
+def measure(image: Frame, rows: np.ndarray, needed: np.ndarray, shares: np.ndarray,
             found: np.ndarray, counts: np.ndarray, strength: np.ndarray,
             points: np.ndarray) -> None:
     """
@@ -138,7 +138,7 @@ def measure(image: Gradients, rows: np.ndarray, needed: np.ndarray, shares: np.n
     Parameters
     ----------
     image
-        Gradients of the frame.
+        The frame.
     rows
         (M, COLUMNS) float64, the tracks; moved where support suffices.
     needed

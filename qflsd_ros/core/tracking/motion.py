@@ -4,7 +4,7 @@ from __future__ import annotations
 import numpy as np
 
 from qflsd_ros.core.compilation import compiled
-from qflsd_ros.core.detection.edges import Gradients
+from qflsd_ros.core.detection.frame import Frame
 from qflsd_ros.core.tracking import field
 from qflsd_ros.core.tracking.curve import at, curve
 from qflsd_ros.core.tracking.field import CUBIC, TERMS
@@ -54,7 +54,7 @@ class Motion:
         self._a, self._b = np.empty((CUBIC, CUBIC)), np.empty(CUBIC)
         self._phi = np.empty(TERMS)
 
-    def predict(self, image: Gradients, rows: np.ndarray) -> bool:
+    def predict(self, image: Frame, rows: np.ndarray) -> bool:
         """
         Move tracks (M, COLUMNS) to where they are expected in a frame.
 
@@ -86,7 +86,7 @@ class Motion:
                           rows[candidates, END + 1] - rows[candidates, START + 1])
         return candidates[np.argsort(-chords, kind='stable')[:LONGEST]]
 
-    def _try(self, image: Gradients, rows: np.ndarray, chosen: np.ndarray, prior: np.ndarray,
+    def _try(self, image: Frame, rows: np.ndarray, chosen: np.ndarray, prior: np.ndarray,
              reach: int) -> tuple[np.ndarray, float]:
         """Return the motion found from an expected one, and how sure it is."""
         shape = image.dx.shape

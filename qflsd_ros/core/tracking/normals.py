@@ -13,14 +13,15 @@ import math
 import numpy as np
 
 from qflsd_ros.core.compilation import inlined
-from qflsd_ros.core.detection.edges import Gradients
+from qflsd_ros.core.detection.edges import GAIN
+from qflsd_ros.core.detection.frame import Frame
 
 TURNED = math.tan(math.radians(30.0))   # of the angle between the gradient at an edge and a normal
 EDGES = 4               # that are kept of a normal: those closest to the arc
 
 
 @inlined
-def in_sight(image: Gradients, x: float, y: float) -> bool:
+def in_sight(image: Frame, x: float, y: float) -> bool:
     """Return whether there are gradients at a point that count."""
     height, width = image.dx.shape
     if not (1 <= x <= width - 2 and 1 <= y <= height - 2):
@@ -29,7 +30,7 @@ def in_sight(image: Gradients, x: float, y: float) -> bool:
 
 
 @inlined
-def _across(image: Gradients, row: int, column: int, nx: float, ny: float,
+def _across(image: Frame, row: int, column: int, nx: float, ny: float,
             signed: bool) -> float:
     """Return the gradient along a normal, in the units of the image."""
     g = image.dx[row, column] * nx + image.dy[row, column] * ny
@@ -53,7 +54,7 @@ def _insert(found: np.ndarray, strength: np.ndarray, count: int, off: float,
 
 
 @inlined
-def edges_along(image: Gradients, ray: tuple[float, float, float, float], reach: float,
+def edges_along(image: Frame, ray: tuple[float, float, float, float], reach: float,
                 least: float, signed: bool, found: np.ndarray, strength: np.ndarray) -> int:
     """
     Find the edges along a normal.
@@ -61,7 +62,7 @@ def edges_along(image: Gradients, ray: tuple[float, float, float, float], reach:
     Parameters
     ----------
     image
-        Gradients of the frame.
+        The frame.
     ray
         A point, px, and the unit normal there.
     reach
@@ -99,7 +100,7 @@ def edges_along(image: Gradients, ray: tuple[float, float, float, float], reach:
     row, column = (fixed, first) if across_x else (first, fixed)
     before = _across(image, row - step_row, column - step_column, nx, ny, signed)
     here = _across(image, row, column, nx, ny, signed)
-    count, limit = 0, least * image.gain
+    count, limit = 0, least * GAIN
     for k in range(first, last + 1):
         after = _across(image, row + step_row, column + step_column, nx, ny, signed)
         if here >= limit and here > before and here >= after:
@@ -108,7 +109,7 @@ def edges_along(image: Gradients, ray: tuple[float, float, float, float], reach:
             if open_here and along <= TURNED * here:
                 peak = 0.5 * (before - after) / (before - here + (after - here))
                 count = _insert(found, strength, count, (k + peak - centre) * per,
-                                here / image.gain)
+                                here / GAIN)
         before, here = here, after
         row += step_row
         column += step_column

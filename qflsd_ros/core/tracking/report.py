@@ -10,29 +10,21 @@ from qflsd_ros.core.arcs import (
     POLARITY, RMS, SCORE, START, SUPPORT, TABLE, TRACKED_TABLE)
 from qflsd_ros.core.circle import NOISE_FLOOR
 from qflsd_ros.core.compilation import compiled, inlined
-from qflsd_ros.core.detection.edges import Gradients
+from qflsd_ros.core.detection.frame import Frame
+from qflsd_ros.core.detection.region import is_open, SAMPLED
 from qflsd_ros.core.tracking import curve, state
 
-STEP = 0.5          # px between places of which each must be in sight, as in assembly
 # Variance of the offset at the middle and of the bend of a parabola over -1 to 1, fitted to n
 # points, times n: 9 / 4 and 45 / 4.
 OFFSET_LEVER, BEND_LEVER = 2.25, 11.25
 
 
 @inlined
-def _shown(allowed: np.ndarray, masked: bool, x: float, y: float) -> bool:
+def _is_shown(allowed: np.ndarray, masked: bool, x: float, y: float) -> bool:
     """Return whether a point lies in the image, and on no masked pixel nor close beside one."""
     height, width = allowed.shape
-    if not (-0.5 <= x <= width - 0.5 and -0.5 <= y <= height - 0.5):
-        return False
-    if masked:
-        for side_x in (-STEP / 2, STEP / 2):
-            column = min(max(int(math.floor(x + side_x + 0.5)), 0), width - 1)
-            for side_y in (-STEP / 2, STEP / 2):
-                row = min(max(int(math.floor(y + side_y + 0.5)), 0), height - 1)
-                if not allowed[row, column]:
-                    return False
-    return True
+    inside = -0.5 <= x <= width - 0.5 and -0.5 <= y <= height - 0.5
+    return inside and (not masked or is_open(allowed, x, y))
 
 
 @inlined
@@ -51,11 +43,11 @@ def clip(allowed: np.ndarray, masked: bool, rows: np.ndarray, i: int) -> tuple[f
     arc = curve.curve(rows, i)
     if not masked and _is_within(allowed.shape, rows, i, abs(arc[5])):
         return -1.0, 1.0
-    steps = max(int(math.ceil(curve.length(arc) / STEP)), 1)
+    steps = max(int(math.ceil(curve.length(arc) / SAMPLED)), 1)
     best_first, best_last, first = 0, -1, 0
     for j in range(steps + 1):
         x, y, _, _ = curve.at(arc, 2 * j / steps - 1)
-        if not _shown(allowed, masked, x, y):
+        if not _is_shown(allowed, masked, x, y):
             first = j + 1
         elif j - first > best_last - best_first:
             best_first, best_last = first, j
@@ -124,7 +116,7 @@ def arcs(rows: np.ndarray, chosen: np.ndarray, parts: np.ndarray, points: np.nda
     return Arcs(table, edge_points, np.rint(edge_points).astype(np.int32), offsets)
 
 
-def in_sight(image: Gradients, rows: np.ndarray, chosen: np.ndarray,
+def in_sight(image: Frame, rows: np.ndarray, chosen: np.ndarray,
              parts: np.ndarray) -> None:
     """Write to ``parts`` (M, 2) which part of each of some tracks is in sight."""
     _clip_all(image.region.allowed, image.region.masked, rows, chosen, parts)

@@ -4,12 +4,12 @@ from __future__ import annotations
 import numpy as np
 
 from qflsd_ros.core.arcs import Arcs
-from qflsd_ros.core.detection.edges import Gradients
+from qflsd_ros.core.detection.frame import Frame
 from qflsd_ros.core.detector import Detector
 from qflsd_ros.core.lens.division import DivisionModel
 from qflsd_ros.core.parameters import Parameters
 from qflsd_ros.core.tracking import report, state
-from qflsd_ros.core.tracking.association import associate, NEW, PLACES
+from qflsd_ros.core.tracking.association import associate, NEW, Outcome, PLACES, Tally
 from qflsd_ros.core.tracking.chart import enter_all, NOBODY
 from qflsd_ros.core.tracking.measurement import measure, MOST
 from qflsd_ros.core.tracking.motion import Motion
@@ -28,6 +28,7 @@ LESS = -3.0     # the same for a track that was reported in the last frame
 FORGOTTEN = 1.0             # score of a track that is not followed any longer
 YOUNG = 5                   # frames for which others are kept
 RECENT = 0.9                # share of how often it was detected so far, in that from now on
+COVERED = 0.5               # share of a track's chord with arcs on it, to be detected anew
 FEW = 0.25                  # of the tracks: fewer arcs are those of a frame that shows nothing
 
 
@@ -45,7 +46,7 @@ class Tracker:
         self._shape: tuple[int, int] | None = None
         self._shares, self._counts = np.empty(MOST), np.empty(MOST, np.int64)
         self._found, self._strength = np.empty((2, MOST, EDGES))
-        self._names, self._sums = np.empty(PLACES, np.int64), np.empty(PLACES)
+        self._tally = Tally(np.empty(PLACES, np.int64), np.empty(PLACES))
         self._points = np.empty((state.MOST, MOST, 2))
 
     @property
@@ -84,7 +85,7 @@ class Tracker:
         detected = self._detector.detect(gray, mask, lens)
         if gray.shape != self._shape:
             self._start((gray.shape[0], gray.shape[1]))
-        image = self._detector.gradients
+        image = self._detector.frame
         if image is None:
             return report.arcs(np.zeros((0, state.COLUMNS)), np.zeros(0, np.int64),
                                np.zeros((0, 2)), np.zeros((0, MOST, 2)))
@@ -101,7 +102,7 @@ class Tracker:
         self._tracks, self._motion = Tracks(), Motion()
         self._chart = np.full(shape, NOBODY, np.int16)
 
-    def _follow(self, image: Gradients, arcs: int) -> np.ndarray:
+    def _follow(self, image: Frame, arcs: int) -> np.ndarray:
         """Predict and measure all tracks; return which are confirmed: (M,) bool."""
         rows = self._tracks.rows
         if len(rows) == 0:
@@ -129,23 +130,20 @@ class Tracker:
         distance = self.parameters.min_distance
         enter_all(self._chart, rows, order, CLOSER * distance, hidden, absorbed)
         confirmed &= ~hidden
-        arcs = np.empty((len(detected), state.COLUMNS))
-        for column, name in ((state.START, 'start'), (state.MIDDLE, 'middle'), (state.END, 'end')):
-            arcs[:, column:column + 2] = detected.table[name]
-        arcs[:, state.POLARITY] = detected.table['polarity']
-        arcs[:, state.SCORE] = detected.table['score']
-        fate = np.empty(len(detected), np.int64)
-        covered, scores = np.zeros((2, len(rows)))
         longest = np.argsort(-detected.table['length'], kind='stable')
-        associate(self._chart, rows, arcs, longest, distance, covered, scores, absorbed, fate,
-                  self._names, self._sums)
+        outcome = Outcome(np.zeros(len(rows)), np.zeros(len(rows)), absorbed,
+                          np.empty(len(detected), np.int64))
+        associate(self._chart, rows, _rows_of(detected.table[longest]), distance, self._tally,
+                  outcome)
         confirmed &= ~absorbed
         rows[absorbed, state.LOST] = 2 * PATIENCE
-        seen = covered >= 0.5 * chords
+        seen = outcome.covered >= COVERED * chords
         rows[:, state.HELD] = ~seen
         weight = np.where(confirmed, 1 - RECENT, 0.0)
-        rows[:, state.SCORE] += weight * (scores - rows[:, state.SCORE])
+        rows[:, state.SCORE] += weight * (outcome.scores - rows[:, state.SCORE])
         rows[:, state.DETECTED] += (1 - RECENT) * (seen - rows[:, state.DETECTED])
+        fate = np.empty(len(detected), np.int64)
+        fate[longest] = outcome.fate
         return fate
 
     def _remember(self, rows: np.ndarray, confirmed: np.ndarray) -> None:
@@ -165,22 +163,21 @@ class Tracker:
     def _bear(self, detected: Arcs, new: np.ndarray) -> None:
         """Let a track begin with each of some arcs."""
         chosen = np.flatnonzero(new)[:state.MOST - self._tracks.count]
-        rows = np.zeros((len(chosen), state.COLUMNS))
         arcs = detected.table[chosen]
-        for column, name in ((state.START, 'start'), (state.MIDDLE, 'middle'), (state.END, 'end')):
-            rows[:, column:column + 2] = arcs[name]
-        rows[:, state.CONTRAST], rows[:, state.POLARITY] = arcs['contrast'], arcs['polarity']
-        rows[:, state.SCORE], rows[:, state.RMS] = arcs['score'], arcs['rms']
+        rows = _rows_of(arcs)
         rows[:, state.EDGES] = np.minimum(arcs['support'], MOST)
         rows[:, state.IDENTITY] = self._identities(len(chosen))
         rows[:, state.DETECTED] = rows[:, state.CONFIRMED] = 1
         sure = arcs['score'] >= self.parameters.min_score + SURER
         rows[:, state.REPORTED] = rows[:, state.AGE] = sure
         rows[:, state.FIRST], rows[:, state.LAST] = -1, 1
-        for k, arc in enumerate(chosen.tolist()):
-            points = detected.points(arc)
-            every = np.linspace(0, len(points) - 1, int(rows[k, state.EDGES])).astype(np.int64)
-            self._points[self._tracks.count + k, :len(every)] = points[every]
+        # Of each arc as many points, evenly from the first to the last, as there is room for.
+        last = np.minimum(np.arange(MOST), rows[:, [state.EDGES]] - 1)
+        share = last / np.maximum(rows[:, [state.EDGES]] - 1, 1)
+        every = (share * (arcs['support'][:, None] - 1)).astype(np.int64)
+        first = self._tracks.count
+        self._points[first:first + len(chosen)] = detected.edge_points[
+            detected.offsets[chosen][:, None] + every]
         self._tracks.add(rows)
 
     def _identities(self, count: int) -> np.ndarray:
@@ -193,10 +190,21 @@ class Tracker:
             self._next = self._next % LAST_IDENTITY + 1
         return np.array(chosen, np.int64)
 
-    def _report(self, image: Gradients) -> Arcs:
+    def _report(self, image: Frame) -> Arcs:
         """Return the confirmed tracks as arcs."""
         rows = self._tracks.rows
         chosen = np.flatnonzero(rows[:, state.REPORTED])
         parts = np.empty((len(rows), 2))
         report.in_sight(image, rows, chosen, parts)
         return report.arcs(rows, chosen, parts, self._points)
+
+
+def _rows_of(table: np.ndarray) -> np.ndarray:
+    """Return the rows of tracks, (N, COLUMNS), that begin with the arcs of a table."""
+    rows = np.zeros((len(table), state.COLUMNS))
+    for column, name in ((state.START, 'start'), (state.MIDDLE, 'middle'), (state.END, 'end')):
+        rows[:, column:column + 2] = table[name]
+    for column, name in ((state.CONTRAST, 'contrast'), (state.POLARITY, 'polarity'),
+                         (state.SCORE, 'score'), (state.RMS, 'rms')):
+        rows[:, column] = table[name]
+    return rows

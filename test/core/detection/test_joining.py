@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 from qflsd_ros.core import circle, DivisionModel
-from qflsd_ros.core.detection import extraction, joining
+from qflsd_ros.core.detection import extraction, joining, pieces
 from qflsd_ros.core.detection.frame import curvature_limits, Frame, Limits
 from qflsd_ros.core.detection.region import region
 from rendering import (
@@ -60,11 +60,10 @@ def pieces_joined(gap: float, aside: float, max_gap: float) -> list[int]:
     limits = Limits(8, 12.0, 15.0, 4.0, 2.4, max_gap, 0.7, *curvature_limits(2.3, 0.01, None))
     count = extraction.extract(points, offsets, limits, np.empty((20, 3), np.int64), runs, fits)
     assert count == 2
-    memory = joining.Memory(20)
-    pieces = joining.describe(points, runs[:2], fits[:2], memory)
+    described = pieces.describe(points, runs[:2], fits[:2], pieces.piece_memory(20))
     flat = np.zeros((60, 220), np.int16)
     frame = Frame(flat, flat, region(flat.shape, None), 0.0, 0.6, 3.5, 10.0)
-    joined = joining.join(pieces, memory, frame, limits)
+    joined = joining.join(described, joining.Memory(20), frame, limits)
     return np.diff(joined.offsets).tolist()
 
 
