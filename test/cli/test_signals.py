@@ -14,8 +14,12 @@ import numpy as np
 import pytest
 
 COUNT = 12
-# A shell's background jobs ignore SIGINT, and so would what they start.
-DEFAULT = {'preexec_fn': lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)}
+
+
+def hear_all() -> None:
+    """Hear all signals: a shell's background jobs ignore SIGINT, those of nohup SIGHUP."""
+    for number in (signal.SIGINT, signal.SIGHUP):
+        signal.signal(number, signal.SIG_DFL)
 
 
 def poll(condition: Callable[[], object], seconds: float = 60.0) -> None:
@@ -49,7 +53,7 @@ def start(tmp_path: Path) -> Iterator[Callable[..., subprocess.Popen[str]]]:
         started.append(subprocess.Popen(
             [sys.executable, '-m', 'qflsd_ros.cli.detect', *map(str, arguments), '--output',
              str(tmp_path / 'out')], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-            start_new_session=True, **DEFAULT))
+            start_new_session=True, preexec_fn=hear_all))
         return started[-1]
 
     yield run
