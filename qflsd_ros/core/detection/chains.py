@@ -133,36 +133,57 @@ def _beyond(image: EdgeMap, p: int, k: int, sign: int) -> int:
 
 
 @inlined
-def _best(image: EdgeMap, p: int, sign: int) -> int:
-    """Return the best pixel to link ahead (sign 1) or behind (-1) of pixel p, or -1."""
-    edges, steps = image.edges, image.steps
-    k = _octant(sign * float(image.dy[p]), -sign * float(image.dx[p]))
-    left, ahead, right = p + steps[(k - 1) & 7], p + steps[k], p + steps[(k + 1) & 7]
-    is_left, is_ahead, is_right = edges[left] != 0, edges[ahead] != 0, edges[right] != 0
-    near = int(is_left) + int(is_ahead) + int(is_right)
-    if near == 1:
-        q = left if is_left else (ahead if is_ahead else right)
-        return q if _agree(image, p, q) else -1
-    return _nearest(image, p, k, sign) if near > 1 else _beyond(image, p, k, sign)
+def _direction(image: EdgeMap, p: int, sign: int) -> int:
+    """Return the neighbour (0 to 7) that is ahead (sign 1) of pixel p or behind (-1) it."""
+    return _octant(sign * float(image.dy[p]), -sign * float(image.dx[p]))
 
 
 @inlined
-def _link(image: EdgeMap, p: int, sign: int) -> int:
-    """Return the pixel that is linked to pixel p, ahead or behind, or -1."""
-    q = _best(image, p, sign)
-    return q if q >= 0 and _best(image, q, -sign) == p else -1
+def _only(image: EdgeMap, p: int, k: int) -> tuple[int, int]:
+    """Return the edge pixels within 45 degrees of direction k: their number, and the last one."""
+    number, only = 0, -1
+    for turn in range(-1, 2):
+        q = p + image.steps[(k + turn) & 7]
+        is_edge = image.edges[q] != 0
+        number += is_edge
+        only = q if is_edge else only
+    return number, only
+
+
+@inlined
+def _best(image: EdgeMap, p: int, k: int, sign: int) -> int:
+    """Return the best pixel to link pixel p to in direction k, ahead or behind, or -1."""
+    number, only = _only(image, p, k)
+    if number == 1:
+        return only if _agree(image, p, only) else -1
+    return _nearest(image, p, k, sign) if number > 1 else _beyond(image, p, k, sign)
+
+
+@inlined
+def _is_best(image: EdgeMap, p: int, q: int, k: int, sign: int) -> bool:
+    """Return whether p, of which q is the best, is the best of q in direction k."""
+    number, only = _only(image, q, k)
+    if number == 1:
+        return only == p    # whose gradients are known to agree
+    best = _nearest(image, q, k, sign) if number > 1 else _beyond(image, q, k, sign)
+    return best == p
 
 
 @inlined
 def _follow(image: EdgeMap, p: int, sign: int, pixels: np.ndarray, n: int) -> int:
-    """Append the pixels linked to pixel p to ``pixels``, from n on; return the new n."""
+    """Append the pixels linked to pixel p, ahead or behind, to ``pixels``; return the new n."""
+    k = _direction(image, p, sign)
     while True:
-        p = _link(image, p, sign)
-        if p < 0 or image.edges[p] == VISITED:
+        q = _best(image, p, k, sign)
+        if q < 0 or image.edges[q] == VISITED:
             return n
-        image.edges[p] = VISITED
-        pixels[n] = p
+        k = _direction(image, q, sign)
+        if not _is_best(image, p, q, (k + 4) & 7, -sign):
+            return n
+        image.edges[q] = VISITED
+        pixels[n] = q
         n += 1
+        p = q
 
 
 @inlined
