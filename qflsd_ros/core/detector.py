@@ -10,7 +10,8 @@ from qflsd_ros.core import paper
 from qflsd_ros.core.arcs import Arcs
 from qflsd_ros.core.circle import FIT_SIZE
 from qflsd_ros.core.detection import (
-    assembly, chains, edges, extraction, joining, noise, pieces, refinement, thresholds)
+    assembly, chains, edges, extraction, gradients, joining, noise, pieces, refinement,
+    thresholds)
 from qflsd_ros.core.detection.frame import curvature_limits, Frame, Limits
 from qflsd_ros.core.detection.region import Region, region
 from qflsd_ros.core.lens.division import DivisionModel
@@ -141,7 +142,7 @@ class Detector:
         """Compute the gradients, and the thresholds for them (Step 1)."""
         memory, parameters = self._memory, self.parameters
         blur_sigma = noise.blur(parameters.blur_sigma, grain)
-        edges.gradients(gray, blur_sigma, memory.blurred, memory.dx, memory.dy)
+        gradients.compute(gray, blur_sigma, memory.dx, memory.dy)
         # After the gradients: single lines of the image are read faster from the cache.
         strength = thresholds.estimate(gray, region)
         gradient_noise = noise.of_gradient(grain, blur_sigma)
@@ -197,7 +198,6 @@ class _Memory:
 
     def __init__(self, height: int, width: int) -> None:
         self.shape = height, width
-        self.blurred = np.empty(self.shape, np.float32)
         self.dx, self.dy = np.empty(self.shape, np.int16), np.empty(self.shape, np.int16)
         self.magnitudes = np.empty((3, width), np.float32)
         self.flat = np.zeros((height * width + 7) // 8 * 8, np.uint8)

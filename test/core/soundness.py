@@ -4,7 +4,7 @@ from __future__ import annotations
 from finding import project, samples
 import numpy as np
 from qflsd_ros.core import Arcs, Parameters
-from qflsd_ros.core.detection import edges, extension, noise, thresholds
+from qflsd_ros.core.detection import edges, extension, gradients, noise, thresholds
 
 ACROSS = 0.5        # least cosine of the angle between a gradient and what counts as across
 EPSILON = 1e-3      # grey levels, of rounding
@@ -46,8 +46,8 @@ def assert_edge_pixels(pixels: np.ndarray, gray: np.ndarray, parameters: Paramet
     low = parameters.contrast_low * thresholds.scale(
         thresholds.estimate(gray), noise.of_gradient(grain, sigma), parameters.contrast_high)
     dx, dy = (np.empty(gray.shape, np.int16) for _ in range(2))
-    edges.gradients(gray, sigma, np.empty(gray.shape, np.float32), dx, dy)
-    dx, dy = dx / edges.GAIN, dy / edges.GAIN
+    gradients.compute(gray, sigma, dx, dy)
+    dx, dy = dx / gradients.GAIN, dy / edges.GAIN
     magnitude = np.pad(np.hypot(dx, dy), 1)
     x, y = pixels.T
     here = magnitude[y + 1, x + 1]

@@ -1,5 +1,5 @@
 """
-Step 1b: the edge map as ordered chains of pixels, by mutually best links.
+Step 1c: the edge map as ordered chains of pixels, by mutually best links.
 
 Moore-neighbour tracing, the paper's choice, and walks in general depend on the order in which an
 image is read: where edges meet, the first chain takes the pixels.  Here each edge pixel has at

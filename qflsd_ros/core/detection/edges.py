@@ -1,7 +1,6 @@
 """
-Step 1a: gradients, Canny's edge map, and where between the pixels an edge lies.
+Step 1b: Canny's edge map, and where between the pixels an edge lies.
 
-Gradients are in grey levels: a step of h grey levels across an edge gives the magnitude h.
 References: J. Canny, A computational approach to edge detection, PAMI 1986; F. Devernay, A
 non-maxima suppression method for edge detection with sub-pixel accuracy, INRIA RR-2724, 1995.
 """
@@ -9,71 +8,12 @@ from __future__ import annotations
 
 import math
 
-import cv2
 import numpy as np
 
 from qflsd_ros.core.compilation import compiled, inlined
+from qflsd_ros.core.detection.gradients import GAIN
 
-# Units of dx and dy for a step of one grey level: the largest, 2 GAIN 255, fits into 16 bits.
-GAIN = 64
 WEAK, STRONG, VISITED = 1, 2, 4     # edge pixels in the edge map; VISITED: part of a chain
-
-
-@inlined
-def _sobel_row(above: np.ndarray, here: np.ndarray, below: np.ndarray, dx: np.ndarray,
-               dy: np.ndarray) -> None:
-    """Write the Sobel gradients of one row, but for its first and last pixel."""
-    scale, half = np.float32(GAIN / 4), np.float32(0.5)
-    out_x, out_y = dx[1:-1], dy[1:-1]
-    for i in range(len(out_x)):
-        left = above[i] + here[i] + here[i] + below[i]
-        right = above[i + 2] + here[i + 2] + here[i + 2] + below[i + 2]
-        up = above[i] + above[i + 1] + above[i + 1] + above[i + 2]
-        down = below[i] + below[i + 1] + below[i + 1] + below[i + 2]
-        x, y = scale * (right - left), scale * (down - up)
-        out_x[i] = np.int16(x + math.copysign(half, x))
-        out_y[i] = np.int16(y + math.copysign(half, y))
-
-
-@inlined
-def _sobel_at_border(above: np.ndarray, here: np.ndarray, below: np.ndarray, dx: np.ndarray,
-                     dy: np.ndarray) -> None:
-    """Write the Sobel gradients of the first and last pixel of a row that continues linearly."""
-    last = len(dx) - 1
-    for at, inner, sign in ((0, 1, 1), (last, last - 1, -1)):
-        rise = above[inner] - above[at] + 2 * (here[inner] - here[at]) + below[inner] - below[at]
-        dx[at] = np.int16(round(sign * GAIN / 2 * rise))
-        dy[at] = np.int16(round(GAIN * (below[at] - above[at])))
-
-
-@compiled
-def _sobel(blurred: np.ndarray, dx: np.ndarray, dy: np.ndarray) -> None:
-    """Write the Sobel gradients of a (H, W) float32 image, continued linearly outside."""
-    height, width = blurred.shape
-    for row in range(height):
-        above, below = blurred[max(row - 1, 0)], blurred[min(row + 1, height - 1)]
-        _sobel_row(above, blurred[row], below, dx[row], dy[row])
-        _sobel_at_border(above, blurred[row], below, dx[row], dy[row])
-
-
-def gradients(gray: np.ndarray, blur_sigma: float, blurred: np.ndarray,
-              dx: np.ndarray, dy: np.ndarray) -> None:
-    """
-    Write the Sobel gradients of a blurred (H, W) uint8 image to (H, W) int16 dx and dy.
-
-    Beyond its border the image is continued as steep as it ends there.  Continued by its last
-    pixel it would have half the gradient across the border, so that edges that run out of the
-    image would seem to turn and follow it.
-    """
-    if blur_sigma > 0:
-        side = 2 * max(1, math.ceil(1.6 * blur_sigma)) + 1
-        kernel = cv2.getGaussianKernel(side, blur_sigma, cv2.CV_32F)
-        cv2.sepFilter2D(gray, cv2.CV_32F, kernel, kernel, blurred, borderType=cv2.BORDER_REPLICATE)
-    else:
-        blurred[:] = gray
-    _sobel(blurred, dx, dy)
-    for outermost in (dy[0], dy[-1]):
-        np.multiply(outermost, 2, outermost)
 
 
 @inlined

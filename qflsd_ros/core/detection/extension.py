@@ -12,7 +12,7 @@ import numpy as np
 
 from qflsd_ros.core import circle
 from qflsd_ros.core.compilation import inlined
-from qflsd_ros.core.detection.edges import GAIN
+from qflsd_ros.core.detection.gradients import GAIN
 from qflsd_ros.core.detection.frame import Frame
 from qflsd_ros.core.detection.validation import NOISE_ALIGNED
 

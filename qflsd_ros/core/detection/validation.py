@@ -28,7 +28,7 @@ import numpy as np
 
 from qflsd_ros.core import circle
 from qflsd_ros.core.compilation import compiled, inlined, summed
-from qflsd_ros.core.detection.edges import GAIN
+from qflsd_ros.core.detection.gradients import GAIN
 from qflsd_ros.core.detection.frame import Frame
 
 SINE = math.sin(math.radians(11.25))    # of the angle of alignment: that of EDLines

@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from qflsd_ros.core.compilation import inlined
-from qflsd_ros.core.detection.edges import GAIN
+from qflsd_ros.core.detection.gradients import GAIN
 from qflsd_ros.core.detection.frame import Frame
 
 TURNED = math.tan(math.radians(30.0))   # of the angle between the gradient at an edge and a normal

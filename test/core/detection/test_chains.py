@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 import numpy as np
 import pytest
-from qflsd_ros.core.detection import chains, edges
+from qflsd_ros.core.detection import chains, edges, gradients
 from qflsd_ros.core.detection.edges import STRONG, VISITED
 
 LOW, HIGH = 4.0, 10.0       # grey levels
@@ -19,7 +19,7 @@ Chains = list[np.ndarray]
 def find(gray: np.ndarray, min_points: int = 1) -> tuple[Chains, np.ndarray, np.ndarray]:
     """Return the chains of an image, each (n, 2) of x and y, its edge map and its gradients."""
     dx, dy = np.empty(gray.shape, np.int16), np.empty(gray.shape, np.int16)
-    edges.gradients(gray, 0.7, np.empty(gray.shape, np.float32), dx, dy)
+    gradients.compute(gray, 0.7, dx, dy)
     flat = np.zeros((gray.size + 7) // 8 * 8, np.uint8)
     width = gray.shape[1]
     size = max(1, edges.find(dx, dy, LOW, HIGH, np.empty((3, width), np.float32),
@@ -49,7 +49,7 @@ def photograph(seed: int, height: int = 60, width: int = 80) -> np.ndarray:
 
 @given(images, st.sampled_from([1, 3, 8]))
 def test_chains_of_any_image(gray, min_points):
-    found, edge_map, gradients = find(gray, min_points)
+    found, edge_map, slopes = find(gray, min_points)
     for chain in found:
         assert len(chain) >= min_points
         assert edge_map[chain[:, 1], chain[:, 0]].all()
@@ -63,9 +63,9 @@ def test_chains_of_any_image(gray, min_points):
 
 @given(images)
 def test_the_brighter_side_is_on_the_right(gray):
-    found, _, gradients = find(gray)
+    found, _, slopes = find(gray)
     for chain in found:
-        gx, gy = gradients[:, chain[:, 1], chain[:, 0]].astype(float)
+        gx, gy = slopes[:, chain[:, 1], chain[:, 0]].astype(float)
         # Links agree with the sum of both gradients, which differ by 50 degrees at most.
         assert (gx[1:] * gx[:-1] + gy[1:] * gy[:-1] > 0).all()
 

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 import numpy as np
 import pytest
-from qflsd_ros.core.detection import edges
+from qflsd_ros.core.detection import edges, gradients
 from rendering import disk, half_plane, off_circle, off_line, render
 
 SHAPE = (60, 70)
@@ -20,13 +20,13 @@ def find(gray: np.ndarray, blur_sigma: float = 0.6, low: float = 5.0,
     """Return edge map, magnitude and the subpixel points (E, 2) of an image."""
     dx, dy = np.empty(gray.shape, np.int16), np.empty(gray.shape, np.int16)
     found, rows = np.empty(gray.shape, np.uint8), np.empty((3, gray.shape[1]), np.float32)
-    edges.gradients(gray, blur_sigma, np.empty(gray.shape, np.float32), dx, dy)
+    gradients.compute(gray, blur_sigma, dx, dy)
     count = edges.find(dx, dy, low, high, rows, found)
     pixels = np.flatnonzero(found).astype(np.int32)
     assert count == len(pixels)
     points = np.empty((4, count), np.float32)
     edges.locate(dx.ravel(), dy.ravel(), gray.shape[1], pixels, count, points)
-    magnitude = np.hypot(dx, dy) / edges.GAIN
+    magnitude = np.hypot(dx, dy) / gradients.GAIN
     return found, magnitude, points[:2].T.astype(float)
 
 
