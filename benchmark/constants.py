@@ -29,7 +29,7 @@ NOT_VARIED = {
         'chains.BYTE_NUMBERS', 'detector.SMALLEST_IMAGE', 'edges.WEAK',
         'edges.STRONG', 'edges.VISITED', 'extraction.SECTION', 'extraction.NO_RUN', 'grid.CELL',
         'heap.ITEM', 'pieces.NODES', 'order.GRAIN', 'suppression.CELL', 'suppression.ENTRIES'),
-    'given by theory': ('edges.GAIN',),
+    'given by theory': ('gradients.GAIN',),
     'in use only with a known lens': (
         'frame.KNOWN_STD', 'agreement.BOW', 'agreement.BENT', 'agreement.EASE'),
     'in use only with a mask': ('region.SAMPLED',)}

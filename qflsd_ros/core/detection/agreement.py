@@ -13,8 +13,8 @@ import numpy as np
 
 from qflsd_ros.core import circle
 from qflsd_ros.core.compilation import compiled, inlined
-from qflsd_ros.core.detection.gradients import GAIN
 from qflsd_ros.core.detection.frame import Frame, Limits
+from qflsd_ros.core.detection.gradients import GAIN
 from qflsd_ros.core.detection.grid import Grid
 from qflsd_ros.core.detection.heap import Heap
 from qflsd_ros.core.detection.pieces import COUNT, NODE_WEIGHT, NODES, Pieces, RSS, SIZE

@@ -13,8 +13,8 @@ import math
 import numpy as np
 
 from qflsd_ros.core.compilation import inlined
-from qflsd_ros.core.detection.gradients import GAIN
 from qflsd_ros.core.detection.frame import Frame
+from qflsd_ros.core.detection.gradients import GAIN
 
 TURNED = math.tan(math.radians(30.0))   # of the angle between the gradient at an edge and a normal
 EDGES = 4               # that are kept of a normal: those closest to the arc
