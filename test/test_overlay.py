@@ -80,12 +80,14 @@ def test_arcs_beyond_the_frame_are_clipped() -> None:
 
 def test_colours_are_stable_and_apart() -> None:
     """A colour depends on the number of its arc alone; neighbours differ clearly."""
-    many = colours(40).astype(int)
-    np.testing.assert_array_equal(colours(7), many[:7])
-    assert len(np.unique(colours(500), axis=0)) == 500
-    for step in (1, 2, 3):
-        assert np.abs(many[step:] - many[:-step]).max(axis=1).min() > 50
-    assert many.max(axis=1).min() > 200
+    many = colours(np.arange(40)).astype(int)
+    np.testing.assert_array_equal(colours(np.array([6, 2])), many[[6, 2]])
+    assert len(np.unique(colours(np.arange(500)), axis=0)) == 500
+    late = colours(np.arange(2 ** 24 - 40, 2 ** 24 + 1, dtype=np.uint32)).astype(int)
+    for some in (many, late):
+        for step in (1, 2, 3):
+            assert np.abs(some[step:] - some[:-step]).max(axis=1).min() > 50
+        assert some.max(axis=1).min() > 200
 
 
 def test_drawing_keeps_up_with_a_camera() -> None:
