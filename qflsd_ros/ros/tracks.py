@@ -10,7 +10,7 @@ from qflsd_ros.core.arcs import Arcs
 
 
 class TrackStatistics:
-    """Counts of tracks; one thread may call :meth:`follow` while another one calls :meth:`take`."""
+    """Counts of tracks; :meth:`follow` and :meth:`take` may be called from two threads."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         """Take a monotonic clock, a function that returns a time in s."""

@@ -1,4 +1,4 @@
-"""Tracks of the node, over real DDS: each line keeps its identity, whatever happens to the node."""
+"""Tracks of the node, over real DDS: each line keeps its identity, whatever happens."""
 from __future__ import annotations
 
 import itertools
