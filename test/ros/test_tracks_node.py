@@ -124,15 +124,18 @@ def test_a_black_frame_has_no_tracks_and_ends_none(rig: Rig) -> None:
 
 def test_tails_show_where_tracks_were(rig: Rig) -> None:
     """They end with the parameter."""
-    def ink(count: int) -> int:
+    def ink_beside_arcs(count: int) -> int:
+        """Return the number of coloured pixels that are farther than 2 px from all arcs."""
         assert rig.change(trails=count)[0].successful
-        walk(rig, 3)
-        gray = ROOM.image(next(numbers))
-        picture = rig.detect(image(gray), 'overlay')
-        pixels = np.frombuffer(picture.data, np.uint8).reshape(360, 480, 3)
-        return int((pixels != gray[..., None]).any(axis=2).sum())
-    without, some, again = ink(0), ink(10), ink(0)
-    assert some > without + 300 and again < some
+        walk(rig, 4)
+        message = image(ROOM.image(next(numbers)))
+        picture = rig.detect(message, 'overlay')
+        pixels = np.frombuffer(picture.data, np.uint8).reshape(360, 480, 3).astype(int)
+        lines = clouds.polylines(rig.detect(message, 'segments'))
+        near = cv2.polylines(np.zeros((360, 480), np.uint8),
+                             [np.rint(line).astype(np.int32) for line in lines], False, 255, 5)
+        return int(((np.ptp(pixels, axis=2) > 0) & (near == 0)).sum())
+    assert ink_beside_arcs(0) < 50 and ink_beside_arcs(10) > 300 and ink_beside_arcs(0) < 50
 
 
 def test_diagnostics_count_tracks(rig: Rig) -> None:
