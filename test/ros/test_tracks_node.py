@@ -135,7 +135,8 @@ def test_tails_show_where_tracks_were(rig: Rig) -> None:
         near = cv2.polylines(np.zeros((360, 480), np.uint8),
                              [np.rint(line).astype(np.int32) for line in lines], False, 255, 5)
         return int(((np.ptp(pixels, axis=2) > 0) & (near == 0)).sum())
-    assert ink_beside_arcs(0) < 50 and ink_beside_arcs(10) > 300 and ink_beside_arcs(0) < 50
+    without, some, again = map(ink_beside_arcs, (0, 10, 0))
+    assert max(without, again) < 20 and some > 100
 
 
 def test_diagnostics_count_tracks(rig: Rig) -> None:
