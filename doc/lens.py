@@ -26,7 +26,7 @@ seen = lens.distort((pixels - lens.origin) / ZOOM + lens.origin).astype(np.float
 straight = cv2.remap(image, seen, np.empty(0, np.float32), cv2.INTER_LINEAR)
 ends = ((rectified(arcs, lens) - lens.origin) * ZOOM + lens.origin) * (1 << BITS)
 for (start, end), colour in zip(np.rint(ends).astype(int).tolist(),
-                                colours(len(arcs)).tolist()):
+                                colours(np.arange(len(arcs))).tolist()):
     cv2.line(straight, start, end, colour, 1, cv2.LINE_AA, BITS)
 both = np.hstack([draw(image, arcs), np.full((SIZE[1], 8, 3), 255, np.uint8), straight])
 picture = cv2.imencode('.jpg', both, [cv2.IMWRITE_JPEG_QUALITY, 80])[1]

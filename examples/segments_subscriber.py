@@ -12,12 +12,15 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from sensor_msgs.msg import PointCloud2
 
-POINT = np.dtype([('x', '<f4'), ('y', '<f4'), ('z', '<f4'), ('segment', '<u4')])
-
 
 def polylines(message: PointCloud2) -> list[np.ndarray]:
     """Return the points of each segment, x and y in px: a list of (K, 2) float32 arrays."""
-    points = np.frombuffer(bytes(message.data), POINT)
+    # By the offsets in the message: fields that a later version adds change nothing here.
+    offsets = {field.name: field.offset for field in message.fields}
+    points = np.frombuffer(bytes(message.data), np.dtype({
+        'names': ['x', 'y', 'segment'], 'formats': ['<f4', '<f4', '<u4'],
+        'offsets': [offsets['x'], offsets['y'], offsets['segment']],
+        'itemsize': message.point_step}))
     first = np.flatnonzero(np.diff(points['segment'])) + 1
     xy = np.stack([points['x'], points['y']], axis=1)
     return np.split(xy, first) if len(xy) else []

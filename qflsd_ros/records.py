@@ -11,21 +11,26 @@ from qflsd_ros.core.geometry.planes import Planes
 from qflsd_ros.core.lens.division import DivisionModel, rectified
 from qflsd_ros.core.lens.estimation import with_straightness
 
+# Fields of tracks stay in the layout without tracking too, because readers in C++ cannot ask for a
+# field that is not there.  They are 0 then; identities begin at 1.
+
 # A point of an arc; ``segment`` is the number of the arc.  Points are ordered from the start of
 # an arc to its end.
-SEGMENT_POINT = np.dtype([('x', '<f4'), ('y', '<f4'), ('z', '<f4'), ('segment', '<u4')])
+SEGMENT_POINT = np.dtype([('x', '<f4'), ('y', '<f4'), ('z', '<f4'), ('segment', '<u4'),
+                          ('track', '<u4')])
 
 # An arc: its middle as x, y, z (z is 0) for RViz, then the columns of the table with 32 bits each.
 ARC = np.dtype([('x', '<f4'), ('y', '<f4'), ('z', '<f4')] + [
     (name, f'<{column.dtype.kind}4')
-    for name, column in with_straightness(Arcs.empty(), None).columns().items()])
+    for name, column in with_straightness(Arcs.empty(), None).columns().items()]
+    + [('track', '<u4'), ('age', '<u4'), ('held', '<u4')])
 
 # A plane: its normal, the upper triangle of its covariance row by row, and the number of its arc.
 COVARIANCE = ('xx', 'xy', 'xz', 'yy', 'yz', 'zz')
 PLANE = np.dtype(
     [(f'normal_{axis}', '<f4') for axis in 'xyz']
     + [(f'covariance_{axes}', '<f4') for axes in COVARIANCE]
-    + [('segment', '<u4')])
+    + [('segment', '<u4'), ('track', '<u4')])
 
 # Codes of numpy's types in sensor_msgs/PointField.
 DATATYPES = {'i1': 1, 'u1': 2, 'i2': 3, 'u2': 4, 'i4': 5, 'u4': 6, 'f4': 7, 'f8': 8}
@@ -42,6 +47,7 @@ def of_segments(arcs: Arcs, tolerance: float) -> np.ndarray:
     rows = np.zeros(len(points), SEGMENT_POINT)
     rows['x'], rows['y'] = points.T
     rows['segment'] = np.repeat(np.arange(len(counts)), counts)
+    rows['track'] = np.repeat(_tracks(arcs), counts)
     return rows
 
 
@@ -66,6 +72,7 @@ def of_rectified(arcs: Arcs, lens: DivisionModel) -> np.ndarray:
     rows = np.zeros(2 * len(shown), SEGMENT_POINT)
     rows['x'], rows['y'] = segments[shown].reshape(-1, 2).T
     rows['segment'] = np.repeat(shown, 2)
+    rows['track'] = _tracks(arcs)[rows['segment']]
     return rows
 
 
@@ -73,7 +80,8 @@ def of_arcs(arcs: Arcs) -> np.ndarray:
     """
     Return a record for each arc: (M,) of :data:`ARC`.
 
-    ``straight`` is nan if the table does not have that column.
+    Where the table does not have these columns, ``straight`` is nan, and ``track``, ``age`` and
+    ``held`` are 0.
     """
     rows = np.zeros(len(arcs), ARC)
     rows['straight'] = np.nan
@@ -83,12 +91,17 @@ def of_arcs(arcs: Arcs) -> np.ndarray:
     return rows
 
 
-def of_planes(planes: Planes) -> np.ndarray:
-    """Return a record for each plane: (N,) of :data:`PLANE`."""
+def of_planes(planes: Planes, arcs: Arcs) -> np.ndarray:
+    """Return a record for each plane of some arcs: (N,) of :data:`PLANE`."""
     rows = np.zeros(len(planes.arcs), PLANE)
     for column, axis in enumerate('xyz'):
         rows[f'normal_{axis}'] = planes.normals[:, column]
     for i, j, axes in zip(*np.triu_indices(3), COVARIANCE):
         rows[f'covariance_{axes}'] = planes.covariances[:, i, j]
-    rows['segment'] = planes.arcs
+    rows['segment'], rows['track'] = planes.arcs, _tracks(arcs)[planes.arcs]
     return rows
+
+
+def _tracks(arcs: Arcs) -> np.ndarray:
+    """Return the identity of each arc: (M,) uint32, 0 where they have none."""
+    return arcs.table['track'] if arcs.is_tracked else np.zeros(len(arcs), np.uint32)

@@ -1,13 +1,14 @@
 """The overlay: where arcs are drawn, in which colours, at what cost."""
 from __future__ import annotations
 
+from dataclasses import replace
 from time import process_time
 
 import numpy as np
 import pytest
 
-from qflsd_ros.core.arcs import Arcs, TABLE
-from qflsd_ros.overlay import colours, draw
+from qflsd_ros.core.arcs import Arcs, TABLE, TRACKED_TABLE
+from qflsd_ros.overlay import colours, draw, NO_TAILS, Trails
 
 
 def arcs_of(rows: list[tuple[tuple[float, float], tuple[float, float], float]]) -> Arcs:
@@ -80,12 +81,56 @@ def test_arcs_beyond_the_frame_are_clipped() -> None:
 
 def test_colours_are_stable_and_apart() -> None:
     """A colour depends on the number of its arc alone; neighbours differ clearly."""
-    many = colours(40).astype(int)
-    np.testing.assert_array_equal(colours(7), many[:7])
-    assert len(np.unique(colours(500), axis=0)) == 500
-    for step in (1, 2, 3):
-        assert np.abs(many[step:] - many[:-step]).max(axis=1).min() > 50
-    assert many.max(axis=1).min() > 200
+    many = colours(np.arange(40)).astype(int)
+    np.testing.assert_array_equal(colours(np.array([6, 2])), many[[6, 2]])
+    assert len(np.unique(colours(np.arange(500)), axis=0)) == 500
+    late = colours(np.arange(2 ** 24 - 40, 2 ** 24 + 1, dtype=np.uint32)).astype(int)
+    for some in (many, late):
+        for step in (1, 2, 3):
+            assert np.abs(some[step:] - some[:-step]).max(axis=1).min() > 50
+        assert some.max(axis=1).min() > 200
+
+
+def middles_of(middles: dict[int, tuple[float, float]]) -> Arcs:
+    """Return tracked arcs of no length from the middle of each track."""
+    table = np.zeros(len(middles), TRACKED_TABLE)
+    table['track'], table['middle'] = list(middles), list(middles.values())
+    return replace(Arcs.empty(), table=table, offsets=np.zeros(len(middles) + 1, np.int64))
+
+
+def test_trails_are_the_last_steps_of_tracks_in_sight() -> None:
+    """As many as wanted; one that was away has no step over the frames without it."""
+    trails = Trails()
+    assert not len(trails.follow(middles_of({7: (0, 0), 3: (9, 9)}), 2).tracks)
+    tails = trails.follow(middles_of({3: (9, 8), 7: (1, 0)}), 2)
+    assert tails.tracks.tolist() == [3, 7]
+    assert tails.steps.tolist() == [[[9, 9], [9, 8]], [[0, 0], [1, 0]]]
+    tails = trails.follow(middles_of({7: (2, 0)}), 2)
+    assert tails.tracks.tolist() == [7, 7]
+    assert tails.steps.tolist() == [[[0, 0], [1, 0]], [[1, 0], [2, 0]]]
+    tails = trails.follow(middles_of({7: (3, 0), 3: (9, 5)}), 2)
+    assert tails.tracks.tolist() == [7, 7]
+    assert tails.steps.tolist() == [[[1, 0], [2, 0]], [[2, 0], [3, 0]]]
+
+
+@pytest.mark.parametrize('arcs, count', [
+    (Arcs.empty(), 5), (middles_of({1: (5, 5)}), 0)], ids=['without tracks', 'not wanted'])
+def test_a_frame_without_trails_ends_them(arcs: Arcs, count: int) -> None:
+    trails = Trails()
+    for x in range(3):
+        trails.follow(middles_of({1: (x, 0)}), 5)
+    assert trails.follow(arcs, count) is NO_TAILS
+    trails.follow(Arcs.empty(), 5)
+    assert not len(trails.follow(middles_of({1: (9, 0)}), 5).tracks)
+
+
+def test_tails_are_drawn_in_the_colour_of_their_track() -> None:
+    trails = Trails()
+    trails.follow(middles_of({8: (5, 10), 9: (5, 15)}), 1)
+    tails = trails.follow(middles_of({8: (35, 10), 9: (35, 15)}), 1)
+    picture = draw(np.zeros((20, 40), np.uint8), Arcs.empty(), 1, tails)
+    assert picture[[10, 15], 20] == pytest.approx(colours(np.array([8, 9])), rel=0.12)
+    assert not picture[:8].any()
 
 
 def test_drawing_keeps_up_with_a_camera() -> None:

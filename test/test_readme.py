@@ -15,7 +15,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 import numpy as np
 import pytest
 from qflsd_ros.cli.demo import free_domain
-from qflsd_ros.core import Detector
+from qflsd_ros.core import Detector, Tracker
 from qflsd_ros.ros.diagnostics import Statistics
 from qflsd_ros.ros.input.images import LAYOUTS
 from qflsd_ros.ros.input.subscriptions import calibration_topic
@@ -23,6 +23,7 @@ from qflsd_ros.ros.lens import CameraLens
 from qflsd_ros.ros.output import clouds
 from qflsd_ros.ros.output.topics import OUTPUTS
 from qflsd_ros.ros.parameters.node_parameters import Settings
+from qflsd_ros.ros.tracks import TrackStatistics
 from qflsd_ros.sources import Scene
 import rclpy
 from rclpy.context import Context
@@ -138,9 +139,11 @@ def test_every_encoding_is_listed() -> None:
 def test_every_key_of_diagnostics_is_listed() -> None:
     status = DiagnosticStatus()
     Statistics().report(status, True, 0.0)
+    tracks = TrackStatistics()
+    tracks.follow(Tracker().track(picture()))
     listed = first_column(section(TROUBLE, 'Diagnostics'))
     assert [name for name in listed if 'REASON' not in name] == [
-        value.key for value in status.values]
+        *(value.key for value in status.values), *tracks.take()]
 
 
 def test_every_key_of_the_lens_is_listed() -> None:

@@ -34,7 +34,7 @@ def draw(gray: np.ndarray, lines: Sequence[np.ndarray]) -> np.ndarray:
     small = cv2.resize(gray, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
     pale = 255 - (255 - cv2.medianBlur(small, 5)) // 4 // 8 * 8
     tile = cv2.cvtColor(pale, cv2.COLOR_GRAY2BGR)
-    for line, colour in zip(lines, (colours(len(lines)) * 0.8).tolist()):
+    for line, colour in zip(lines, (colours(np.arange(len(lines))) * 0.8).tolist()):
         fixed = (((line + 0.5) * scale - 0.5) * (1 << SUBPIXEL_BITS)).round().astype(np.int32)
         cv2.polylines(tile, [fixed], False, colour, 1, cv2.LINE_AA, SUBPIXEL_BITS)
     framed = np.full((TILE[1], TILE[0], 3), 255, np.uint8)

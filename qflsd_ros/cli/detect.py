@@ -19,7 +19,6 @@ from qflsd_ros.cli.settings import Options, SettingsError
 from qflsd_ros.cli.work import Outcome, Task, Work
 from qflsd_ros.cli.workers import Workers
 from qflsd_ros.cli.writing import private_room
-from qflsd_ros.ros.lens import CameraLens
 from qflsd_ros.sources.frames import Report, SourceError
 from qflsd_ros.sources.opening import Kind, kind_of
 from tqdm import tqdm
@@ -31,17 +30,17 @@ def tasks(pictures: Iterable[Picture], work: Work) -> Iterator[Task]:
     """
     Yield a task for each picture.
 
-    Arcs in frames of a video or bag are detected here, in order, because the lens is estimated
+    Arcs in frames of a video or bag are detected here, in order, because lens and tracks follow
     from all frames before. Image files do not depend on each other: workers detect their arcs.
     """
-    camera, path = CameraLens(), None
+    sequence, path = None, None
     for picture in pictures:
         if picture.frame is None:
             yield Task(picture)
             continue
-        if picture.path != path:
-            camera, path = CameraLens(), picture.path
-        found = work.found(picture, camera)
+        if sequence is None or picture.path != path:
+            sequence, path = work.sequence(), picture.path
+        found = work.found(picture, sequence)
         yield Task(replace(picture, pixels=None, message=None), found)
 
 

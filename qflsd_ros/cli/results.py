@@ -10,7 +10,6 @@ from typing import Any
 import cv2
 import numpy as np
 
-from qflsd_ros import overlay
 from qflsd_ros.cli.inputs import Picture
 from qflsd_ros.cli.settings import Options
 from qflsd_ros.cli.writing import write_whole
@@ -19,10 +18,12 @@ from qflsd_ros.core import Arcs, DivisionModel, LensEstimate
 SUFFIXES = ('.png', '.csv', '.json')
 
 
-def write(folder: Path, room: Path, picture: Picture, pixels: np.ndarray, arcs: Arcs,
+def write(folder: Path, room: Path, picture: Picture, drawn: np.ndarray, arcs: Arcs,
           lens: dict[str, Any] | None, options: Options) -> None:
     """
     Write overlay, CSV and JSON of a picture into a folder; each file complete or not at all.
+
+    ``drawn`` is the overlay, (H, W, 3) uint8 B, G, R.
 
     Raises
     ------
@@ -30,16 +31,16 @@ def write(folder: Path, room: Path, picture: Picture, pixels: np.ndarray, arcs: 
         A file cannot be written.
 
     """
-    drawn = overlay.draw(pixels, arcs, options.node.line_width)
     contents = (cv2.imencode('.png', drawn)[1].tobytes(), table(arcs).encode(),
-                description(picture, pixels.shape[:2], arcs, lens, options).encode())
+                description(picture, drawn.shape[:2], arcs, lens, options).encode())
     for suffix, content in zip(SUFFIXES, contents):
         write_whole(folder, picture.name + suffix, content, room)
 
 
 def table(arcs: Arcs) -> str:
     """Return the arcs as CSV: a header, then one row per arc; start becomes start_x, start_y."""
-    columns = {name: column.tolist() for name, column in arcs.columns().items()}
+    columns = {name: (column.view(np.uint8) if column.dtype == bool else column).tolist()
+               for name, column in arcs.columns().items()}
     text = io.StringIO()
     writer = csv.writer(text, lineterminator='\n')
     writer.writerow(columns)

@@ -8,14 +8,15 @@ from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
-from qflsd_ros import records
+from qflsd_ros import overlay, records
 from qflsd_ros.cli import results
 from qflsd_ros.cli.inputs import Picture
 from qflsd_ros.cli.recordings import Cloud
 from qflsd_ros.cli.settings import Options
-from qflsd_ros.core import Arcs, Detector, with_straightness
+from qflsd_ros.core import Arcs, Detector, Tracker, with_straightness
 from qflsd_ros.core.lens import estimation
-from qflsd_ros.ros.finding import find
+from qflsd_ros.overlay import NO_TAILS, Tails
+from qflsd_ros.ros.finding import find, FrameSequence, Seen
 from qflsd_ros.ros.lens import CameraLens
 from qflsd_ros.sources.frames import FrameError, SourceError
 
@@ -30,6 +31,8 @@ class Found(NamedTuple):
         (H, W, 3) B, G, R or (H, W) grey, uint8.
     arcs
         The arcs, with their column ``straight``.
+    tails
+        The last positions of the tracks of a frame.
     lens
         The lens as in the JSON file; None where it is unknown.
     seconds
@@ -39,6 +42,7 @@ class Found(NamedTuple):
 
     pixels: np.ndarray
     arcs: Arcs
+    tails: Tails
     lens: dict[str, Any] | None
     seconds: float
 
@@ -78,34 +82,45 @@ class Work:
         self._detector.warm_up()
         estimation.warm_up()
 
-    def found(self, picture: Picture, camera: CameraLens) -> Found | Outcome:
-        """Return the arcs of the next picture of a camera, or the error."""
+    def sequence(self) -> FrameSequence:
+        """Return what follows a video or bag, with its kernels loaded or compiled."""
+        Tracker().warm_up()
+        return FrameSequence()
+
+    def found(self, picture: Picture, sequence: FrameSequence | None = None) -> Found | Outcome:
+        """Return the arcs of the next frame of a sequence, or of an image file, or the error."""
         try:
-            return self._find(picture, camera)
+            return self._find(picture, sequence)
         except SourceError as error:
             return Outcome(error=str(error))
         except FrameError as error:     # its text does not name the file
             number = '' if picture.frame is None else f' image {picture.frame}:'
             return Outcome(error=f'{str(picture.path)!r}:{number} {error}')
 
-    def _find(self, picture: Picture, camera: CameraLens) -> Found:
+    def _find(self, picture: Picture, sequence: FrameSequence | None) -> Found:
         settings = self._options.node
         pixels = picture.read(settings.white_level or None)
         gray = pixels if pixels.ndim == 2 else cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY)
         begin = time.process_time()
-        arcs, model = find(gray, self._detector, settings, camera)
+        camera = sequence.lens if sequence else CameraLens()
+        if sequence:
+            seen = sequence.find(gray, self._options.detector, settings)
+        else:
+            seen = Seen(*find(gray, self._detector.detect, settings, camera), NO_TAILS)
         seconds = time.process_time() - begin
-        lens = results.lens(model, camera.estimate(settings))
-        return Found(pixels, with_straightness(arcs, model), lens, seconds)
+        lens = results.lens(seen.model, camera.estimate(settings))
+        return Found(pixels, with_straightness(seen.arcs, seen.model), seen.tails, lens, seconds)
 
     def __call__(self, task: Task) -> Outcome:
         """Write the results of a picture; detect its arcs first where that is not done yet."""
         picture, found = task
         try:
-            found = found or self.found(picture, CameraLens())
+            found = found or self.found(picture)
             if isinstance(found, Outcome):
                 return found
-            results.write(self._folder, self._room, picture, found.pixels, found.arcs, found.lens,
+            drawn = overlay.draw(found.pixels, found.arcs, self._options.node.line_width,
+                                 found.tails)
+            results.write(self._folder, self._room, picture, drawn, found.arcs, found.lens,
                           self._options)
         except OSError as error:
             return Outcome(error=f'results of {picture.name!r} cannot be written: {error}')

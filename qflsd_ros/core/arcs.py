@@ -70,6 +70,11 @@ class Arcs:
         """Return the number of arcs."""
         return len(self.table)
 
+    @property
+    def is_tracked(self) -> bool:
+        """Return whether the table has the columns of a tracker."""
+        return 'track' in (self.table.dtype.names or ())
+
     def columns(self) -> dict[str, np.ndarray]:
         """Return the table's columns by name, (M,) each; start becomes start_x and start_y."""
         columns = {}

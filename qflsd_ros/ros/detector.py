@@ -12,22 +12,23 @@ import time
 import traceback
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from qflsd_ros.core import Detector, Parameters
+from qflsd_ros.core import Parameters, Tracker
 from qflsd_ros.core.lens import estimation
 from qflsd_ros.ros.diagnostics import Statistics
-from qflsd_ros.ros.finding import find
+from qflsd_ros.ros.finding import FrameSequence
 from qflsd_ros.ros.input.region import read_mask
 from qflsd_ros.ros.input.slot import Slot
 from qflsd_ros.ros.input.subscriptions import CalibrationSubscription, Frame, ImageSubscription
 from qflsd_ros.ros.input.transports import TRANSPORTS
 from qflsd_ros.ros.kernels import Kernels
-from qflsd_ros.ros.lens import CameraLens
 from qflsd_ros.ros.output.publishers import advertise, Publishers
 from qflsd_ros.ros.output.topics import calibration, Result
 from qflsd_ros.ros.parameters import declaration
 from qflsd_ros.ros.parameters.declaration import ParameterError
-from qflsd_ros.ros.parameters.node_parameters import check_together, Settings
+from qflsd_ros.ros.parameters.node_parameters import (
+    check_together, Settings, tracks_lines)
 from qflsd_ros.ros.run import run
+from qflsd_ros.ros.tracks import TrackStatistics
 from qflsd_ros.sources.frames import FrameError, SourceError
 from qflsd_ros.sources.reasons import Reason
 import rclpy
@@ -60,7 +61,8 @@ class DetectorNode(Node):
         self._statistics = Statistics()
         self._last_log: dict[str, float] = {}
         self._slot: Slot[Frame] = Slot()
-        self._lens = CameraLens()
+        self._sequence = FrameSequence()
+        self._tracks = TrackStatistics()
         self._outputs = Publishers(self, self._follow_subscribers)
         self._diagnostics = advertise(self, DiagnosticArray, '/diagnostics')
         self._transport = TRANSPORTS[self._active[1].image_transport]
@@ -99,7 +101,10 @@ class DetectorNode(Node):
 
     def _apply(self, parameters: Parameters, settings: Settings) -> None:
         # One assignment, so that the detection thread never sees half of a change.
-        self._active = Detector(parameters), settings
+        self._active = parameters, settings
+        if settings.tracking and not tracks_lines(parameters, settings):
+            self.get_logger().info(f'method is {parameters.method}: it has no tracks, so that '
+                                   'parameter tracking has no effect')
 
     def _follow_subscribers(self) -> None:
         """Subscribe to the camera only while the results have a subscription."""
@@ -123,16 +128,18 @@ class DetectorNode(Node):
                 self._reject(Reason.INTERNAL.phrase, traceback.format_exc())
 
     def _process(self, frame: Frame) -> None:
-        detector, settings = self._active
+        parameters, settings = self._active
         header = frame.message.header
         gray = self._transport.read(frame.message, settings.white_level, settings.max_pixels)
-        # The lens follows every frame, even if no subscriber needs it, because detection uses it.
-        arcs, model = find(gray, detector, settings, self._lens)
-        result = Result(header, gray, arcs, settings, model,
+        # Lens and tracks follow every frame, also for subscribers that need neither, because
+        # detection uses both.
+        seen = self._sequence.find(gray, parameters, settings)
+        result = Result(header, gray, seen.arcs, settings, seen.model, seen.tails,
                         self._calibration.newest, self._calibration.topic)
         for reason, text in self._outputs.publish(result).items():
             self._reject(reason, text)
-        self._statistics.done(time.monotonic() - frame.arrival, self._age(header), len(arcs))
+        self._statistics.done(time.monotonic() - frame.arrival, self._age(header), len(seen.arcs))
+        self._tracks.follow(seen.arcs)
 
     def _age(self, header: Header) -> float:
         """Return the time in s since the stamp of a header, on the clock of the node."""
@@ -157,8 +164,8 @@ class DetectorNode(Node):
         self._statistics.report(status, bool(self._images), settings.max_age)
         if compiling := self._kernels.compiling:
             status.level, status.message = DiagnosticStatus.WARN, compiling
-        status.values += [KeyValue(key=key, value=value)
-                          for key, value in self._lens.values(settings).items()]
+        values = self._tracks.take() | self._sequence.lens.values(settings)
+        status.values += [KeyValue(key=key, value=value) for key, value in values.items()]
         message = DiagnosticArray(status=[status])
         message.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(message)
@@ -166,7 +173,7 @@ class DetectorNode(Node):
 
 def _warm_up() -> None:
     """Load or compile all kernels that the node uses."""
-    Detector().warm_up()
+    Tracker().warm_up()
     estimation.warm_up()
 
 

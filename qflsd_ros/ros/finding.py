@@ -1,25 +1,31 @@
-"""Detection in successive frames of one camera; imports no ROS."""
+"""Arcs in single images and in the successive frames of one camera; imports no ROS."""
 from __future__ import annotations
 
+from typing import Callable, NamedTuple
+
 import numpy as np
-from qflsd_ros.core import Arcs, Detector
+from qflsd_ros.core import Arcs, Detector, Parameters, Tracker
 from qflsd_ros.core.lens.division import DivisionModel
+from qflsd_ros.overlay import Tails, Trails
 from qflsd_ros.ros.input.region import reduced, view
 from qflsd_ros.ros.lens import CameraLens
-from qflsd_ros.ros.parameters.node_parameters import Settings
+from qflsd_ros.ros.parameters.node_parameters import Settings, tracks_lines
+
+# Finds arcs in an image (H, W) uint8 with a mask and a lens, as Detector.detect, Tracker.track.
+Search = Callable[['np.ndarray', 'np.ndarray | None', 'DivisionModel | None'], Arcs]
 
 
-def find(gray: np.ndarray, detector: Detector, settings: Settings,
+def find(gray: np.ndarray, search: Search, settings: Settings,
          lens: CameraLens) -> tuple[Arcs, DivisionModel | None]:
     """
-    Detect the arcs of the next frame, using the lens as known from the frames before.
+    Find the arcs of the next frame, using the lens as known from the frames before.
 
     Parameters
     ----------
     gray
         (H, W) uint8.
-    detector
-        A detector that no other thread uses.
+    search
+        Method of a detector or tracker that no other thread uses.
     settings
         Region, mask and largest width of the image, and the origin of the lens.
     lens
@@ -42,6 +48,58 @@ def find(gray: np.ndarray, detector: Detector, settings: Settings,
     """
     factor, mask = view(settings, *gray.shape)
     before = lens.known(gray.shape, settings)
-    arcs = detector.detect(reduced(gray, factor), mask,
-                           before and before.reduced(factor)).scaled(factor)
+    arcs = search(reduced(gray, factor), mask, before and before.reduced(factor)).scaled(factor)
     return arcs, lens.follow(arcs, gray.shape, settings)
+
+
+class Seen(NamedTuple):
+    """
+    The lines of a frame.
+
+    Attributes
+    ----------
+    arcs
+        The arcs, in px of the frame; with the columns of a tracker where lines are tracked.
+    model
+        The lens after this frame, None while it is unknown.
+    tails
+        The last positions of the tracks, as many as the parameter ``trails`` says.
+
+    """
+
+    arcs: Arcs
+    model: DivisionModel | None
+    tails: Tails
+
+
+class FrameSequence:
+    """
+    Successive frames of one camera, video or bag; one thread calls :meth:`find`.
+
+    Parameters may differ from frame to frame: identities go on, also after frames without
+    tracking.
+
+    Attributes
+    ----------
+    lens
+        State of the camera's lens.
+
+    """
+
+    def __init__(self) -> None:
+        """Begin without a frame."""
+        self.lens = CameraLens()
+        self._detector, self._tracker, self._trails = Detector(), Tracker(), Trails()
+
+    def find(self, gray: np.ndarray, parameters: Parameters, settings: Settings) -> Seen:
+        """Find the lines of the next frame, (H, W) uint8; errors are those of :func:`find`."""
+        arcs, model = find(gray, self._search(parameters, settings), settings, self.lens)
+        return Seen(arcs, model, self._trails.follow(arcs, settings.trails))
+
+    def _search(self, parameters: Parameters, settings: Settings) -> Search:
+        """Return the tracker's method or the detector's, with the parameters of this frame."""
+        if tracks_lines(parameters, settings):
+            self._tracker.parameters = parameters
+            return self._tracker.track
+        self._detector.parameters = parameters
+        return self._detector.detect

@@ -16,7 +16,7 @@ import pytest
 from qflsd_ros import overlay
 from qflsd_ros.cli.detect import main
 from qflsd_ros.cli.settings import Options
-from qflsd_ros.core import Arcs, Detector, Parameters
+from qflsd_ros.core import Arcs, Detector, Parameters, Tracker
 from qflsd_ros.ros.parameters.node_parameters import Settings
 from qflsd_ros.sources import Scene
 
@@ -365,3 +365,39 @@ def test_inputs_are_not_overwritten_by_frames(tmp_path: Path,
     assert main([str(video), str(tmp_path / 'v'), '--output', str(tmp_path)]) == 2
     assert "v/000000.png' would be overwritten" in capfd.readouterr().err
     np.testing.assert_array_equal(cv2.imread(str(tmp_path / 'v' / '000000.png')), picture(7))
+
+
+def test_lines_of_a_video_keep_their_tracks_and_images_have_none(tmp_path: Path) -> None:
+    """As a tracker of its own for each video gives them, whoever draws the frames."""
+    scene, videos = Scene(320, 240, lam=-0.3, colour=True), []
+    for name, first in (('a', 400), ('b', 400)):
+        path = tmp_path / f'{name}.avi'
+        writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*'MJPG'), 10, (320, 240))
+        for number in range(6):
+            writer.write(scene.image(first + number))
+        writer.release()
+        videos.append(str(path))
+    cv2.imwrite(str(tmp_path / 'photo.png'), scene.image(400))
+    output = tmp_path / 'out'
+    assert main([*videos, str(tmp_path / 'photo.png'), '--lens', 'off', '--jobs', '2',
+                 '--trails', '3', '--output', str(output)]) == 0
+
+    def rows(name: str) -> list[dict[str, str]]:
+        return list(csv.DictReader((output / f'{name}.csv').open(newline='')))
+    capture, tracker = cv2.VideoCapture(videos[0]), Tracker()
+    for number in range(6):
+        gray = cv2.cvtColor(capture.read()[1], cv2.COLOR_BGR2GRAY)
+        table = tracker.track(gray).table
+        found = rows(f'a/{number:06d}')
+        for name in ('track', 'age', 'held'):
+            assert [int(row[name]) for row in found] == table[name].tolist()
+        assert rows(f'b/{number:06d}') == found
+        arcs = json.loads((output / f'a/{number:06d}.json').read_text())['arcs']
+        assert [arc['track'] for arc in arcs] == table['track'].tolist()
+    assert np.median(table['age']) > 3
+    assert list(found[0])[-4:] == ['straight', 'track', 'age', 'held']
+    assert 'track' not in rows('photo')[0]
+
+    assert main([videos[0], '--tracking', 'false', '--output', str(tmp_path / 'plain')]) == 0
+    text = (tmp_path / 'plain' / 'a' / '000005.csv').read_text()
+    assert 'straight' in text and 'track' not in text

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 from qflsd_ros.cli.detect import main
-from qflsd_ros.core import Detector
+from qflsd_ros.core import Tracker
 from rosbags.rosbag2 import Reader, StoragePlugin, Writer
 from rosbags.typesys import get_typestore, Stores
 
@@ -56,18 +56,23 @@ def check(bag: Path, numbers: list[int]) -> None:
                  for connection, recorded, data in reader.messages()]
         assert set(reader.topics) == {'/detector/segments'}
     assert len(found) == len(numbers)
+    tracker = Tracker()
     for number, (recorded, cloud) in zip(numbers, found):
         assert recorded == START + 1000 + number * 50_000_000
         assert cloud.header == header(number)
         assert [(field.name, field.offset, field.datatype, field.count)
                 for field in cloud.fields] == [
-            ('x', 0, 7, 1), ('y', 4, 7, 1), ('z', 8, 7, 1), ('segment', 12, 6, 1)]
-        rows = cloud.data.view([('x', '<f4'), ('y', '<f4'), ('z', '<f4'), ('segment', '<u4')])
-        assert (cloud.width, cloud.height, cloud.point_step) == (len(rows), 1, 16)
-        points, counts = Detector().detect(gray(number)).vertices(0.1)
+            ('x', 0, 7, 1), ('y', 4, 7, 1), ('z', 8, 7, 1), ('segment', 12, 6, 1),
+            ('track', 16, 6, 1)]
+        rows = cloud.data.view([('x', '<f4'), ('y', '<f4'), ('z', '<f4'), ('segment', '<u4'),
+                                ('track', '<u4')])
+        assert (cloud.width, cloud.height, cloud.point_step) == (len(rows), 1, 20)
+        arcs = tracker.track(gray(number))
+        points, counts = arcs.vertices(0.1)
         assert len(counts) >= 4
         assert np.abs(np.stack([rows['x'], rows['y']], 1) - points).max() < 1e-4
         assert rows['segment'].tolist() == np.repeat(np.arange(len(counts)), counts).tolist()
+        assert rows['track'].tolist() == np.repeat(arcs.table['track'], counts).tolist()
 
 
 @pytest.mark.parametrize('storage', list(StoragePlugin))

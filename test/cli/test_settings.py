@@ -104,12 +104,13 @@ def test_a_misspelt_key_is_named_with_the_nearest_one(tmp_path: Path) -> None:
 def test_what_counts_here_and_what_is_named(tmp_path: Path) -> None:
     """Whatever the file says has an effect, or is named; a default has none anywhere."""
     counts = {'white_level': 1023.0, 'roi_x': 3, 'roi_y': 4, 'roi_width': 50, 'roi_height': 60,
-              'max_width': 70, 'polyline_tolerance': 0.5, 'line_width': 2, 'lens': 'off',
+              'max_width': 70, 'tracking': False, 'trails': 5,
+              'polyline_tolerance': 0.5, 'line_width': 2, 'lens': 'off',
               'lens_lambda': -0.2, 'lens_centre_x': 5.0, 'lens_centre_y': 6.0,
               'lens_find_centre': True}
     idle = {'max_age': 0.0, 'hardware_id': 'left', 'use_sim_time': True,
             'qos_overrides': {'/image': {'subscription': {'reliability': 'reliable'}}}}
-    params = {'/**': {'ros__parameters': counts | idle | {'marker_colour': 'id'}}}
+    params = {'/**': {'ros__parameters': counts | idle | {'marker_colour': 'track'}}}
     found = read_all(params=params, folder=tmp_path)
     assert {name: getattr(found.node, name) for name in counts} == counts
     line, = SAID

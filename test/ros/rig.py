@@ -56,12 +56,14 @@ class Rig:
     """
     A detector process between a camera and a subscriber, both of the test.
 
-    The lens is off by default, so that a test may publish the same frame several times.
+    Lens and tracking are off by default: a test may publish the same frame several times, and
+    compares the result with that of a detector.
     """
 
     def __init__(self, peer: Peer, *arguments: str, node: str = '/detector',
                  topic: str = '/image', camera_type: type = Image,
                  listen: tuple[str, ...] = ('segments',), lens: str = 'off',
+                 tracking: bool = False,
                  camera_qos: QoSProfile = qos_profile_sensor_data, **environment: str) -> None:
         self.peer, self.name, self.topic = peer, node, topic
         self.received: dict[str, list[Any]] = defaultdict(list)
@@ -72,8 +74,9 @@ class Rig:
         peer.node.create_subscription(
             DiagnosticArray, '/diagnostics',
             lambda message: self.reports.extend(message.status), 10)
-        self.process: Process = peer.run(*NODE, *arguments, '-p', f'lens:={lens}',
-                                         **environment)
+        self.process: Process = peer.run(
+            *NODE, *arguments, '-p', f'lens:={lens}', '-p', f'tracking:={str(tracking).lower()}',
+            **environment)
 
     def listen(self, output: str) -> Any:
         return self.peer.node.create_subscription(

@@ -75,7 +75,7 @@ def test_every_output_shows_the_same_arcs(rig: Rig) -> None:
 
 def test_colours_of_markers_follow_the_parameter(rig: Rig) -> None:
     arcs = Detector().detect(SCENE)
-    for by in ('length', 'curvature', 'score', 'id'):
+    for by in ('length', 'curvature', 'score', 'id', 'track'):
         assert rig.change(marker_colour=by)[0].successful
         marker, = rig.detect(image(SCENE), 'markers').markers
         shown = {(colour.b, colour.g, colour.r) for colour in marker.colors}

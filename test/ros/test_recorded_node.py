@@ -77,6 +77,7 @@ def test_a_bag_has_what_the_node_publishes(peer: Peer, tmp_path: Path, kind: typ
 
     rig = Rig(peer, '--params-file', str(parameters), '-p',
               f'image_transport:={"raw" if raw else "compressed"}', lens='estimate',
+              tracking=True,
               topic='/image' if raw else '/image/compressed', camera_type=kind).ready()
     wanted = [published(rig, message) for message in messages]
     assert float(rig_lambda(rig)) == pytest.approx(-0.5, abs=0.1)

@@ -22,7 +22,8 @@ def _keys(lengths: np.ndarray, wanted: np.ndarray, keys: np.ndarray) -> int:
 def longest_first(lengths: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     """Return the numbers, (K,) int64, of those of (M,) lengths that are wanted, longest first."""
     keys = np.empty(len(lengths), np.int64)
-    keys = keys[:_keys(lengths, wanted, keys)]
+    # Of a column: a single one is contiguous, several are not, and each would be compiled for.
+    keys = keys[:_keys(np.ascontiguousarray(lengths), wanted, keys)]
     # Which sorts faster than an argsort of the lengths.
     keys.sort()
     return np.remainder(keys, len(lengths), out=keys)

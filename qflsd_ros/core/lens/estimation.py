@@ -37,7 +37,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from qflsd_ros.core.arcs import Arcs
+from qflsd_ros.core.arcs import Arcs, TABLE
 from qflsd_ros.core.compilation import compiled
 from qflsd_ros.core.lens.division import DivisionModel
 from qflsd_ros.core.lens.observation import (
@@ -231,9 +231,11 @@ def with_straightness(arcs: Arcs, lens: DivisionModel | None) -> Arcs:
     Return the arcs with :func:`straightness` as an additional column ``straight`` of the table.
 
     It is the probability that an arc is the image of a line, and nan if the lens is unknown
-    (None).  All other columns stay, those of a tracker too.
+    (None).  All other columns stay; those of a tracker come after it.
     """
-    table = np.empty(len(arcs), np.dtype([*arcs.table.dtype.descr, ('straight', np.float64)]))
+    columns, known = arcs.table.dtype.descr, len(TABLE.descr)
+    table = np.empty(len(arcs), np.dtype(
+        [*columns[:known], ('straight', np.float64), *columns[known:]]))
     for name in arcs.table.dtype.names or ():
         table[name] = arcs.table[name]
     table['straight'] = np.nan if lens is None else straightness(arcs, lens)

@@ -40,9 +40,9 @@ def observe(arcs: Arcs, shape: tuple[int, int]) -> np.ndarray:
     includes the ends, where the gradient's blur rounds corners.
     """
     seen = np.full((len(arcs), COLUMNS), np.nan)
-    _observe(np.ascontiguousarray(arcs.edge_points.T), arcs.offsets, arcs.table['length'],
-             DivisionModel(0.0, shape).origin, float(np.hypot(*shape)) / 2,
-             np.empty((1, FIT_SIZE)), seen)
+    _observe(np.ascontiguousarray(arcs.edge_points.T), arcs.offsets,
+             np.ascontiguousarray(arcs.table['length']), DivisionModel(0.0, shape).origin,
+             float(np.hypot(*shape)) / 2, np.empty((1, FIT_SIZE)), seen)
     return seen
 
 

@@ -58,6 +58,14 @@ class Tracker:
     def parameters(self, parameters: Parameters) -> None:
         self._detector.parameters = parameters
 
+    def warm_up(self) -> None:
+        """Compile all kernels, the detector's too, or load them from numba's cache."""
+        gray = np.zeros((64, 64), np.uint8)
+        gray[16:48, 16:48] = 255
+        tracker = Tracker()
+        for _ in range(2):
+            tracker.track(gray)
+
     def track(self, gray: np.ndarray, mask: np.ndarray | None = None,
               lens: DivisionModel | None = None) -> Arcs:
         """

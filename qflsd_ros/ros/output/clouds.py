@@ -39,14 +39,15 @@ def rectified(header: Header, arcs: Arcs, model: DivisionModel) -> PointCloud2:
     return cloud(header, of_rectified(arcs, model))
 
 
-def plane_records(header: Header, planes: Planes) -> PointCloud2:
-    """Return one record for each plane, with the fields of :data:`PLANE`."""
-    return cloud(header, of_planes(planes))
+def plane_records(header: Header, planes: Planes, arcs: Arcs) -> PointCloud2:
+    """Return one record for each plane of some arcs, with the fields of :data:`PLANE`."""
+    return cloud(header, of_planes(planes, arcs))
 
 
-def overlay_image(header: Header, gray: np.ndarray, arcs: Arcs, line_width: int) -> Image:
-    """Return a grey frame, (H, W) uint8, with its arcs drawn on it, as a bgr8 image."""
-    picture = overlay.draw(gray, arcs, line_width)
+def overlay_image(header: Header, gray: np.ndarray, arcs: Arcs, line_width: int,
+                  tails: overlay.Tails = overlay.NO_TAILS) -> Image:
+    """Return a grey frame, (H, W) uint8, with its arcs and tails drawn on it, as bgr8."""
+    picture = overlay.draw(gray, arcs, line_width, tails)
     height, width, channels = picture.shape
     return Image(header=header, height=height, width=width, encoding='bgr8',
                  step=channels * width, data=_bytes(picture))

@@ -21,7 +21,7 @@ ENCAPSULATION = 4  # bytes of CDR's header, which alignment does not count
 
 
 def markers(header: Header, arcs: Arcs, tolerance: float, metres_per_pixel: float,
-            line_width: float, colour: str = 'id') -> bytes:
+            line_width: float, colour: str = 'track') -> bytes:
     """
     Return the arcs as one LINE_LIST marker, or the deletion of that marker without arcs.
 

@@ -16,6 +16,7 @@ from qflsd_ros.core.geometry.planes import planes
 from qflsd_ros.core.lens.camera_model import CameraModel
 from qflsd_ros.core.lens.division import DivisionModel
 from qflsd_ros.core.lens.estimation import with_straightness
+from qflsd_ros.overlay import Tails
 from qflsd_ros.ros import lens
 from qflsd_ros.ros.output import camera_info, clouds
 from qflsd_ros.ros.output.markers import markers
@@ -42,6 +43,8 @@ class Result:
         Parameters of the node.
     model
         The distortion model of the lens, None while it is unknown.
+    tails
+        The last positions of the tracks, for the overlay.
     calibration
         The newest camera_info beside the image, None if there has been none.
     calibration_topic
@@ -54,6 +57,7 @@ class Result:
     arcs: Arcs
     settings: Settings
     model: DivisionModel | None
+    tails: Tails
     calibration: CameraInfo | None
     calibration_topic: str
 
@@ -125,7 +129,7 @@ def _markers(result: Result) -> bytes:
 
 def _overlay(result: Result) -> Image:
     return clouds.overlay_image(
-        result.header, result.gray, result.arcs, result.settings.line_width)
+        result.header, result.gray, result.arcs, result.settings.line_width, result.tails)
 
 
 def _camera_info(result: Result, model: DivisionModel) -> CameraInfo:
@@ -137,7 +141,7 @@ def _rectified(result: Result, arcs: Arcs, model: DivisionModel) -> PointCloud2:
 
 
 def _planes(result: Result, camera: CameraModel) -> PointCloud2:
-    return clouds.plane_records(result.header, planes(result.arcs, camera))
+    return clouds.plane_records(result.header, planes(result.arcs, camera), result.arcs)
 
 
 OUTPUTS = (

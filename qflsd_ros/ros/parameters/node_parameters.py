@@ -8,6 +8,7 @@ from qflsd_ros.ros.output import palette
 from qflsd_ros.sources.encoded import MAX_PIXELS
 
 LENSES = ('off', 'estimate', 'fixed')
+MOST_TRAILS = 300       # images, ten seconds at 30 Hz; chosen, not tuned
 
 
 @dataclass(frozen=True)
@@ -54,14 +55,21 @@ class Settings:
         0, 'Images wider than this are reduced by a whole factor before detection, which saves '
         'time. Detector parameters in px then refer to the reduced image, results to the original '
         'image. 0 never reduces.', 'px', 0, 32768)
+    tracking: bool = parameter(
+        True, 'Follow lines from image to image, so that each keeps its identity (track); false '
+        'detects each image by itself. Method arcs only: the method paper has no tracks.')
     polyline_tolerance: float = parameter(
         0.1, 'Largest distance between an arc and its polyline on ~/segments and ~/markers.',
         'px', 0.001, 100.0)
     line_width: int = parameter(
         1, 'Width of the lines on ~/overlay and ~/markers.', 'px', 1, 100)
+    trails: int = parameter(
+        0, 'Past images whose positions of each track form its tail on ~/overlay; 0 draws none.',
+        'images', 0, MOST_TRAILS)
     marker_colour: str = parameter(
-        'id', 'Meaning of the colours on ~/markers: id (a different colour for each arc), length, '
-        'curvature or score (blue is low, red is high).', choices=palette.CHOICES)
+        'track', 'Meaning of the colours on ~/markers: track (a line keeps its colour; without '
+        'tracking as id), id (a different colour for each arc of an image), length, curvature or '
+        'score (blue is low, red is high).', choices=palette.CHOICES)
     metres_per_pixel: float = parameter(
         0.01, 'Size of a pixel on ~/markers.', 'm', 0.0001, 1000.0)
     lens: str = parameter(
@@ -105,3 +113,8 @@ def check_together(parameters: Parameters, settings: Settings) -> None:
     if parameters.method == 'paper' and settings.has_region:
         raise ValueError("method is 'paper': must be 'arcs' with a mask or a region of interest "
                          '(roi_x, roi_y, roi_width, roi_height), which the paper does not have')
+
+
+def tracks_lines(parameters: Parameters, settings: Settings) -> bool:
+    """Return whether lines are tracked: the method paper leaves no gradients to follow them by."""
+    return settings.tracking and parameters.method == 'arcs'

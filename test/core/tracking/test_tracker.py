@@ -1,5 +1,10 @@
 """Identities of lines over frames."""
+from pathlib import Path
+import subprocess
+import sys
+
 import cv2
+from numba.core.dispatcher import Dispatcher
 import numpy as np
 import pytest
 from qflsd_ros.core import DivisionModel, Parameters, Tracker, with_straightness
@@ -173,3 +178,36 @@ def test_straightness_keeps_the_columns_of_a_track():
     for name in ('track', 'age', 'held', 'length'):
         assert np.array_equal(both[name], arcs.table[name])
     assert np.isfinite(both['straight']).any()
+
+
+def signatures() -> int:
+    """Return how many signatures of kernels of the core this process has compiled or loaded."""
+    return sum(len(kernel.signatures) for name, module in list(sys.modules.items())
+               if name.startswith('qflsd_ros.core')
+               for kernel in vars(module).values()
+               if isinstance(kernel, Dispatcher) and kernel.py_func.__module__ == name)
+
+
+def test_warm_up_leaves_no_kernel_to_compile():
+    """Else the first frames of a camera would be late by seconds."""
+    start = """
+import numpy as np
+from qflsd_ros.core import DivisionModel, Tracker, with_straightness
+from qflsd_ros.core.lens import estimation
+from qflsd_ros.core.lens.tracker import LensTracker
+from test_tracker import frames, signatures
+Tracker().warm_up()
+estimation.warm_up()
+before, tracker, lens = signatures(), Tracker(), LensTracker()
+model, mask = DivisionModel(-0.2, frames(1)[0].shape), np.ones(frames(1)[0].shape, bool)
+mask[:, :40] = False
+for number, frame in enumerate([*frames(8), 0 * frames(1)[0]]):
+    arcs = tracker.track(frame, mask if number % 2 else None, model if number > 3 else None)
+    with_straightness(arcs, model)
+    lens.add(arcs, frame.shape)
+print(before, signatures())
+"""
+    said = subprocess.run([sys.executable, '-c', start], cwd=Path(__file__).parent, check=True,
+                          capture_output=True, text=True).stdout
+    before, after = map(int, said.split())
+    assert 20 < before == after

@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 from array import array
+from dataclasses import replace
 import time
 
 from builtin_interfaces.msg import Time
@@ -10,8 +11,9 @@ import numpy as np
 from numpy.lib.recfunctions import repack_fields
 import pytest
 from qflsd_ros import overlay, records
-from qflsd_ros.core.arcs import Arcs, TABLE
+from qflsd_ros.core.arcs import Arcs, TABLE, TRACKED_TABLE
 from qflsd_ros.core.geometry.planes import Planes
+from qflsd_ros.core.lens.division import DivisionModel
 from qflsd_ros.core.lens.estimation import with_straightness
 from qflsd_ros.ros.output import clouds, palette
 from qflsd_ros.ros.output.markers import markers
@@ -41,6 +43,16 @@ def circle_arcs(count: int, seed: int = 0) -> Arcs:
     return Arcs(table, np.zeros((0, 2)), np.zeros((0, 2), np.int32), np.zeros(count + 1, int))
 
 
+def tracked(arcs: Arcs) -> Arcs:
+    """Return arcs with the tracks 1, 4, 7 and so on."""
+    table = np.zeros(len(arcs), TRACKED_TABLE)
+    for name in TABLE.names:
+        table[name] = arcs.table[name]
+    table['track'] = 1 + 3 * np.arange(len(arcs))
+    table['age'], table['held'] = 9, np.arange(len(arcs)) % 2
+    return replace(arcs, table=table)
+
+
 @pytest.mark.parametrize('count', [0, 1, 7])
 def test_segments_come_back_as_polylines(count: int) -> None:
     arcs = circle_arcs(count)
@@ -57,7 +69,8 @@ def test_segment_fields_are_what_every_release_promises() -> None:
     message = clouds.segments(HEADER, circle_arcs(3), 0.2)
     assert [(field.name, field.offset, field.datatype, field.count) for field in message.fields] \
         == [('x', 0, PointField.FLOAT32, 1), ('y', 4, PointField.FLOAT32, 1),
-            ('z', 8, PointField.FLOAT32, 1), ('segment', 12, PointField.UINT32, 1)]
+            ('z', 8, PointField.FLOAT32, 1), ('segment', 12, PointField.UINT32, 1),
+            ('track', 16, PointField.UINT32, 1)]
     found = clouds.records(message)
     assert (found['z'] == 0).all()
     assert np.unique(found['segment']).tolist() == [0, 1, 2]
@@ -75,6 +88,44 @@ def test_arc_records_hold_every_column_of_the_table() -> None:
         assert given == pytest.approx(arcs.table[name], rel=1e-6), name
     assert np.c_[found['x'], found['y'], found['z']] == pytest.approx(
         np.c_[arcs.table['middle'], np.zeros(5)], rel=1e-6)
+
+
+def test_every_record_carries_its_track() -> None:
+    """Also after arcs were left out; consumers that hold it as float32 lose nothing."""
+    arcs = tracked(circle_arcs(5))
+    wanted = arcs.table['track']
+    wanted[4] = 2 ** 24
+    found = clouds.records(clouds.arc_records(HEADER, arcs))
+    assert found['track'].tolist() == wanted.tolist() == found['track'].astype('f4').tolist()
+    assert found['age'].tolist() == [9] * 5 and found['held'].tolist() == [0, 1, 0, 1, 0]
+    points = clouds.records(clouds.segments(HEADER, arcs, 0.2))
+    assert (points['track'] == wanted[points['segment']]).all()
+    arcs = with_straightness(arcs, None)
+    arcs.table['straight'] = [1, 0, 1, 0, 1]
+    ends = clouds.records(clouds.rectified(HEADER, arcs, DivisionModel(0.0, (480, 640))))
+    assert np.unique(ends['segment']).tolist() == [0, 2, 4]
+    assert (ends['track'] == wanted[ends['segment']]).all()
+
+
+def test_the_layout_is_the_same_without_tracks_which_are_0_then() -> None:
+    arcs = circle_arcs(3)
+    for make in (clouds.arc_records, lambda *some: clouds.segments(*some, 0.2)):
+        message = make(HEADER, arcs)
+        assert message.fields == make(HEADER, tracked(arcs)).fields
+        assert not clouds.records(message)['track'].any()
+    found = clouds.records(clouds.arc_records(HEADER, arcs))
+    assert not found['age'].any() and not found['held'].any()
+
+
+@pytest.mark.parametrize('by', palette.CHOICES)
+def test_colours_by_track_alone_follow_the_track(by: str) -> None:
+    """A line that has another number in the next frame has the same colour."""
+    arcs = tracked(circle_arcs(6))
+    turned = replace(arcs, table=arcs.table[::-1])
+    same = np.array_equal(palette.colours(turned, by)[::-1], palette.colours(arcs, by))
+    assert same == (by != 'id')
+    untracked = circle_arcs(6)
+    assert np.array_equal(palette.colours(untracked, 'track'), palette.colours(untracked, 'id'))
 
 
 @pytest.mark.parametrize('datatype, constant', [
@@ -115,7 +166,8 @@ def test_plane_records_hold_normal_covariance_and_arc() -> None:
     matrices = random.normal(size=(4, 3, 3))
     planes = Planes(np.array([0, 2, 3, 7]), random.normal(size=(4, 3)),
                     matrices + matrices.transpose(0, 2, 1))
-    found = clouds.records(clouds.plane_records(HEADER, planes))
+    found = clouds.records(clouds.plane_records(HEADER, planes, tracked(circle_arcs(8))))
+    assert found['track'].tolist() == [1, 7, 10, 22]
     assert found['segment'].tolist() == [0, 2, 3, 7]
     for i, one in enumerate('xyz'):
         assert found[f'normal_{one}'] == pytest.approx(planes.normals[:, i], rel=1e-6)
@@ -153,7 +205,7 @@ def test_markers_are_what_the_real_serialiser_reads(frame: str, count: int, sec:
     colours = np.array([(colour.b, colour.g, colour.r) for colour in marker.colors])
     chords = [len(line) - 1 for line in arcs.polylines(0.5)]
     assert colours.reshape(-1, 3) * 255 == pytest.approx(
-        np.repeat(overlay.colours(count), 2 * np.array(chords, int), axis=0), abs=1e-3)
+        np.repeat(overlay.colours(np.arange(count)), 2 * np.array(chords, int), axis=0), abs=1e-3)
     assert all(colour.a == 1 for colour in marker.colors)
 
 

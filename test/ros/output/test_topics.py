@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from qflsd_ros.core import Detector, DivisionModel
+from qflsd_ros.overlay import NO_TAILS
 from qflsd_ros.ros.input.subscriptions import calibration_topic
 from qflsd_ros.ros.output import clouds
 from qflsd_ros.ros.output.topics import (
@@ -19,7 +20,7 @@ from std_msgs.msg import Header
 
 RESULT = Result(
     Header(frame_id='eye'), SCENE, Detector().detect(SCENE), Settings(),
-    DivisionModel(-0.2, SCENE.shape),
+    DivisionModel(-0.2, SCENE.shape), NO_TAILS,
     CameraInfo(height=240, width=320, distortion_model='plumb_bob', d=[0.0] * 5,
                k=[200.0, 0, 160, 0, 200, 120, 0, 0, 1]), '/cam/camera_info')
 every_output = pytest.mark.parametrize('output', OUTPUTS, ids=lambda output: output.topic[2:])

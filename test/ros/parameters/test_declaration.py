@@ -133,7 +133,7 @@ def test_an_integer_will_do_for_a_floating_point_number(context: Context) -> Non
 @pytest.mark.parametrize('values, texts', [
     ({'method': 'magic'}, ["method is 'magic'", 'arcs, paper']),
     ({'contrast_high': 2.0}, ['contrast_low is 2.3', 'contrast_high', '2.0']),
-    ({'marker_colour': 'mood'}, ["marker_colour is 'mood'", 'id, length']),
+    ({'marker_colour': 'mood'}, ["marker_colour is 'mood'", 'track, id, length']),
 ])
 def test_a_refused_change_says_why(context: Context, values: dict[str, Any],
                                    texts: list[str]) -> None:
