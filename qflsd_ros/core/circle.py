@@ -37,10 +37,9 @@ CORRELATED = 3.0
 
 class LensPrior(NamedTuple):
     """
-    The lens as the kernels use it: a division model, and how uncertain its lambda is.
+    The lens as the kernels use it: a division model with the standard deviation of its lambda.
 
-    A lens of which nothing is known is :data:`UNKNOWN_LENS`: lambda is 0, and its deviation
-    infinite.
+    An unknown lens is :data:`UNKNOWN_LENS`: its lambda is 0 with an infinite standard deviation.
     """
 
     lam: float      # lambda, 1/px^2
@@ -54,12 +53,12 @@ UNKNOWN_LENS = LensPrior(0.0, 0.0, 0.0, math.inf)
 
 @inlined
 def is_known(lens: LensPrior) -> bool:
-    """Return whether anything is known of a lens."""
+    """Return whether a lens is known: its lambda has a finite standard deviation."""
     return lens.std < math.inf
 
 
 class CurvatureLimits(NamedTuple):
-    """Which curvatures a fit may have."""
+    """The limits of the curvature of a fit."""
 
     significance: float     # standard deviations of A from the image of a line, to be bent
     maximum: float          # 1/px

@@ -1,8 +1,8 @@
 """
-How the kernels are compiled: by numba, without the GIL, and kept on disk.
+Compilation of the kernels by numba, without the GIL; compiled kernels are kept on disk.
 
-Kernels allocate nothing: what memory they need is handed to them.  So numba need not count
-references to arrays (``_nrt``), which costs it a fifth of all time where one calls another.
+Kernels allocate no memory: arrays are passed in.  Numba's reference counting of arrays (``_nrt``)
+is therefore off; it takes a fifth of the time where kernels call each other.
 
 A compiled kernel contains the kernels that it calls, which may come from other files.  The cache
 folder is therefore named by a digest of the core and of all other sources that hold kernels.  It

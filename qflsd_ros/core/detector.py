@@ -1,4 +1,4 @@
-"""Image to arcs: Steps 1 to 6 of the paper in order."""
+"""The detector: calls the stages from a grey image to its arcs, Steps 1 to 6 of the paper."""
 from __future__ import annotations
 
 from collections.abc import Callable
@@ -28,13 +28,18 @@ SMALLEST_IMAGE = 3          # px, of a side; there are no edges in less
 
 class Detector:
     """
-    Finds the pictures of straight edges, seen through any lens, as circular arcs.
+    Detects the images of straight edges through any lens, as circular arcs.
 
-    A detector keeps its memory from frame to frame: use one for each thread.  Its attribute
-    ``parameters`` may be replaced between two frames.  Its attribute ``on_stage``, if not None, is
-    called with the name of each stage of method arcs when the stage ends.  Its attribute
-    ``frame`` holds the gradients of the last frame until the next one comes; None where there are
-    none: before the first frame, of an image of less than 3 px, and with method paper.
+    A detector reuses its memory from frame to frame: use one for each thread.  Its attribute
+    ``parameters`` may be replaced between two frames.
+
+    Attributes
+    ----------
+    on_stage
+        Called with the name of each stage of method arcs when the stage ends, unless None.
+    frame
+        The gradients and thresholds of the last frame, until the next one.  None before the first
+        frame, after an image with a side below 3 px, and with method paper.
 
     """
 
@@ -46,7 +51,7 @@ class Detector:
         self._memory = _Memory(0, 0)
 
     def warm_up(self) -> None:
-        """Compile the kernels, or load them from numba's cache, before the first frame comes."""
+        """Compile the kernels, or load compiled ones from disk, before the first frame."""
         gray = np.zeros((64, 64), np.uint8)
         gray[16:48, 16:48] = 255
         Detector().detect(gray)
@@ -61,27 +66,28 @@ class Detector:
         gray
             (H, W) uint8, any strides.
         mask
-            (H, W) uint8 or bool, not zero where arcs may be: no point of an arc, from start to
-            end, lies on another pixel.  Edges within 3 px (:data:`region.MARGIN`) of those are not
-            looked for, so that the rim of the mask is not taken for an edge; what they show counts
-            neither for noise nor contrast nor texture.  Keep the array between frames: it is
-            looked at when another one comes.
+            (H, W) uint8 or bool, 0 at masked pixels; None masks no pixel.  No point of an arc lies
+            on a masked pixel.  Gradients within 3 px (:data:`region.MARGIN`) of masked pixels are
+            ignored, since the rim of the mask is no edge, and masked pixels do not affect the
+            estimates of noise, contrast and texture.  Pass the same array for successive frames,
+            and do not change it: it is evaluated once for each new array.
         lens
-            Through which the image was taken, if that is known, for instance by the arcs of the
-            frame before: two points make a hypothesis, pieces are joined over longer gaps and to
-            their own kind, and short arcs are bent as it says.  Method paper makes no use of it.
+            The lens of the image if it is known, for instance from the arcs of earlier frames.
+            Then two points of a window suffice for a hypothesis, gaps between images of straight
+            edges need less support, and arcs whose curvature does not differ significantly get
+            that of a straight edge.  Method paper ignores it.
 
         Returns
         -------
-        The arcs; the same image and parameters give the same arcs, bit for bit.
+        The arcs; the same image, mask, lens and parameters give the same arcs, bit for bit.
 
         Raises
         ------
         TypeError
-            ``gray`` is not an array of uint8, or ``mask`` no array.
+            ``gray`` is not an array of uint8, or ``mask`` is not an array.
         ValueError
-            ``gray`` has not two dimensions, no pixel, or 2^31 and more; ``mask`` or ``lens`` has
-            not its shape; ``mask`` is given with method paper, which knows none.
+            ``gray`` does not have two dimensions, is empty, or has 2^31 pixels or more; ``mask``
+            or ``lens`` has another shape; or ``mask`` is given with method paper.
 
         """
         _check(gray, mask, lens)
@@ -132,7 +138,7 @@ class Detector:
         return arcs
 
     def _limits(self, grain: float, lens: DivisionModel | None) -> Limits:
-        """Return the limits for an image with noise of so many grey levels."""
+        """Return the limits for an image whose noise is ``grain`` grey levels."""
         parameters, min_points = self.parameters, noise.min_points(MIN_POINTS, grain)
         return Limits(min_points, SEED * min_points, parameters.min_length, parameters.min_score,
                       parameters.min_distance, parameters.max_gap, parameters.tolerance,
@@ -151,7 +157,7 @@ class Detector:
                      scale * parameters.contrast_low, scale * parameters.contrast_high)
 
     def _trace(self, frame: Frame, min_points: int) -> np.ndarray:
-        """Leave chains of edge points in memory; return where each begins, and their end."""
+        """Write the chains of edge points to memory; return the offsets of chains, (N + 1,)."""
         memory = self._memory
         image = chains.edge_map(memory.flat, frame.dx, frame.dy)
         count = chains.trace(image, memory.words, min_points, memory.pixels, memory.offsets)
@@ -160,7 +166,7 @@ class Detector:
         return memory.offsets[:count + 1]
 
     def _ended(self, stage: str) -> None:
-        """Report the end of a stage to whoever measures."""
+        """Call ``on_stage``, if there is one, at the end of a stage."""
         if self.on_stage is not None:
             self.on_stage(stage)
 
@@ -194,7 +200,7 @@ def _check(gray: np.ndarray, mask: np.ndarray | None, lens: DivisionModel | None
 
 
 class _Memory:
-    """What is needed for images of one size, kept from frame to frame."""
+    """The arrays that images of one size need, kept from frame to frame."""
 
     def __init__(self, height: int, width: int) -> None:
         self.shape = height, width
@@ -209,13 +215,13 @@ class _Memory:
         self.reserve(1)
 
     def region(self, mask: np.ndarray | None) -> Region:
-        """Return the region that a mask leaves, computed anew only for another one."""
+        """Return the region of a mask; it is computed again only for another array."""
         if mask is not self._mask:
             self._mask, self._region = mask, region(self.shape, mask)
         return self._region
 
     def reserve(self, edge_pixels: int) -> None:
-        """Make room for so many edge pixels, and half as many again when there was too little."""
+        """Make room for ``edge_pixels``; arrays that are too small grow to 1.5 times that."""
         if edge_pixels <= len(self.pixels):
             return
         size = edge_pixels + edge_pixels // 2

@@ -20,10 +20,10 @@ def parameter(default: Any, description: str, unit: str = '',
               low: float | None = None, high: float | None = None,
               choices: tuple[str, ...] = (), read_only: bool = False) -> Any:
     """
-    Declare a dataclass field that knows what it means and which values it takes.
+    Declare a dataclass field with its description, unit and allowed values as metadata.
 
-    Numbers lie in ``low`` to ``high`` (both included), strings are one of ``choices``;
-    what is ``read_only`` can be set at start alone.
+    Numbers lie in ``low`` to ``high`` (both included), strings are one of ``choices``.  A
+    ``read_only`` parameter can be set at start only.
     """
     return dataclasses.field(default=default, metadata={
         'description': description, 'unit': unit, 'low': low, 'high': high, 'choices': choices,
@@ -35,8 +35,8 @@ def check(owner: Any) -> None:
     Check every field of a dataclass made of :func:`parameter` fields, converting int to float.
 
     Scalars of numpy become those of Python.  Raises ``TypeError`` for a value of another type than
-    the default's and ``ValueError`` for one out of range; both name the field, the value and what
-    would be right.
+    the default's and ``ValueError`` for one out of range; both name the field, the value and the
+    allowed type or range.
     """
     for field in dataclasses.fields(owner):
         value = _of_type(field, getattr(owner, field.name))
@@ -50,7 +50,7 @@ def check(owner: Any) -> None:
 
 
 def meant(field: dataclasses.Field[Any], value: Any) -> Any:
-    """Return a value as the type of its field, where one of another type says the same."""
+    """Return a value converted to the type of its field, if that does not change its meaning."""
     if isinstance(value, np.generic):
         value = value.item()
     if type(value) is int and isinstance(field.default, float) and value.bit_length() <= LONGEST:
@@ -76,9 +76,9 @@ def _of_type(field: dataclasses.Field[Any], value: Any) -> Any:
 @dataclass(frozen=True)
 class Parameters:
     """
-    What a user can set of the detector.
+    The parameters of the detector.
 
-    Every field carries its unit, range and one sentence in ``dataclasses.fields(...).metadata``.
+    Each field has its description, unit and range in ``dataclasses.fields(...).metadata``.
 
     Raises
     ------
@@ -93,34 +93,38 @@ class Parameters:
         'arcs', 'Algorithm: arcs (this package) or paper (Algorithms 1 to 3 as printed, slow).',
         choices=METHODS)
     blur_sigma: float = parameter(
-        0.7, 'Least standard deviation of the blur before the gradients; noise adds to it.',
+        0.7, 'Standard deviation of the Gaussian blur before the gradients; noise increases it.',
         'px', 0.0, 5.0)
     contrast_high: float = parameter(
-        6.5, 'Step across an edge from which on it starts a contour; less in an image of low '
-        'contrast, more in a noisy one.', 'grey levels', 1.0, 255.0)
+        6.5, 'Upper threshold (Canny): each contour has an edge pixel across which the grey level '
+        'changes by at least this. Low contrast of the image lowers it, noise raises it.',
+        'grey levels', 1.0, 255.0)
     contrast_low: float = parameter(
-        2.3, 'Step across an edge down to which a contour that has started goes on; in proportion '
-        'to contrast_high.', 'grey levels', 0.5, 255.0)
+        2.3, 'Lower threshold (Canny): the grey level changes by at least this across each edge '
+        'pixel. Contrast and noise scale it by the same factor as contrast_high.',
+        'grey levels', 0.5, 255.0)
     tolerance: float = parameter(
-        0.7, 'Largest rms distance of the edge pixels of an arc from it, and largest distance of '
-        'each from the arc with which they are sought; single ones lie farther off in the end.',
+        0.7, 'Largest rms distance of edge points from their arc. During the search it also '
+        'limits the distance of each point; after the final fit a point may lie farther away.',
         'px', 0.1, 10.0)
     min_length: float = parameter(
-        15.0, 'Shortest arc reported; the others are the same whatever it is.',
+        15.0, 'Length of the shortest arc that is reported. It does not affect longer arcs.',
         'px', 3.0, 10000.0)
     min_radius: float = parameter(
-        0.3, 'Smallest radius of an arc; a division model has none below 1 / sqrt(-lambda).',
+        0.3, 'Smallest radius of an arc. Under the division model images of straight edges have a '
+        'radius of at least 1 / sqrt(-lambda).',
         'of half the image diagonal', 0.01, 100.0)
     min_score: float = parameter(
-        4.0, 'Least score of an arc: -log10 of the number of false alarms, were its points '
-        'independent; pure noise has some more. A larger one leaves only surer arcs.',
+        4.0, 'Least score of an arc: -log10 of the expected number of false alarms in an image of '
+        'pure noise with independent points; in fact there are some more. A larger value keeps '
+        'only more certain arcs.',
         '', -1000.0, 1000.0)
     min_distance: float = parameter(
-        2.4, 'Of parallel arcs of the same polarity closer than this the longest is reported, of '
-        'opposite polarity closer than half of this; no faint one a little farther beside it; 0 '
-        'reports all.', 'px', 0.0, 100.0)
+        2.4, 'Suppression keeps the longest of parallel arcs closer than this. The limit is half '
+        'as large for opposite polarities, and 1.5 times as large for a faint arc beside a '
+        'strong one. 0 keeps all arcs.', 'px', 0.0, 100.0)
     max_gap: float = parameter(
-        60.0, 'Longest gap between two pieces of one arc; with 0 nothing is joined.',
+        60.0, 'Longest gap over which two pieces are joined to one arc; 0 disables joining.',
         'px', 0.0, 1000.0)
     paper_epsilon: float = parameter(
         500.0, 'Method paper only: bound epsilon on the algebraic error E of equation (10).',
@@ -132,7 +136,8 @@ class Parameters:
         0.99, 'Method paper only: probability of finding the longest segment, 1 - P^K of (12).',
         '', 0.5, 0.9999)
     paper_max_hypotheses: int = parameter(
-        2000, 'Method paper only: most hypotheses on one contour, whatever (12) asks for.',
+        2000, 'Method paper only: largest number of hypotheses on one contour, a bound of K in '
+        '(12).',
         '', 1, 1000000)
     paper_seed: int = parameter(
         0, 'Method paper only: seed of its random triples.', '', 0, 2147483647)

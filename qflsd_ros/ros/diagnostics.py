@@ -33,7 +33,7 @@ class Window:
 
 
 class Statistics:
-    """Counts of frames by their fate; every method may be called from any thread."""
+    """Counts of frames by outcome; every method may be called from any thread."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         """Take a monotonic clock, a function that returns a time in s."""

@@ -1,4 +1,4 @@
-"""Why frames give no result, or less than they could: the one list of reasons."""
+"""The reasons for which frames give no result, or an incomplete one."""
 from __future__ import annotations
 
 from enum import Enum

@@ -83,8 +83,14 @@ class Rig:
             TYPES[output], f'{self.name}/{output}', self.received[output].append, 10)
 
     def ready(self) -> Rig:
-        """Return when the detector subscribes to the camera."""
-        self.peer.until(self.camera.get_subscription_count)
+        """
+        Return when the detector subscribes to the camera, and is connected to every listener.
+
+        Each end of a connection learns of the other by itself: a result that comes before a
+        subscription knows its publisher is not received.
+        """
+        self.peer.until(lambda: self.camera.get_subscription_count() and all(
+            subscription.get_publisher_count() for subscription in self.subscriptions.values()))
         return self
 
     def detect(self, message: Image | CompressedImage, output: str = 'segments') -> Any:

@@ -339,7 +339,7 @@ def test_the_newest_frame_wins_and_the_others_are_counted(peer: Peer) -> None:
 
 @pytest.mark.alone
 def test_parameter_services_answer_while_4k_frames_are_worked_on(peer: Peer) -> None:
-    """The median answer takes less than 0.5 s, although the node is never idle."""
+    """The median answer takes less than half of a frame, although the node is never idle."""
     profile = {'FASTRTPS_DEFAULT_PROFILES_FILE': str(ROOT / 'config' / 'fastdds.xml')}
     rig = Rig(peer, '-p', 'blur_sigma:=5.0', **profile)
     peer.run('-c', FOUR_K_CAMERA, **profile)
@@ -347,7 +347,7 @@ def test_parameter_services_answer_while_4k_frames_are_worked_on(peer: Peer) -> 
     client = peer.node.create_client(SetParameters, '/detector/set_parameters')
     peer.until(client.service_is_ready)
     times = []
-    begin = len(rig.received['segments'])
+    begin, started = len(rig.received['segments']), time.monotonic()
     while len(rig.received['segments']) < begin + 3:
         change = RosParameter('line_width', value=1 + len(times) % 9).to_parameter_msg()
         sent = time.monotonic()
@@ -355,7 +355,7 @@ def test_parameter_services_answer_while_4k_frames_are_worked_on(peer: Peer) -> 
         peer.until(answer.done)
         times.append(time.monotonic() - sent)
         assert answer.result().results[0].successful
-    assert np.median(times) < 0.5
+    assert np.median(times) < 0.5 * (time.monotonic() - started) / 3
 
 
 def test_the_profile_lets_large_images_through(peer: Peer) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 from pathlib import Path
 import re
 import shlex
-from typing import TYPE_CHECKING
+from typing import Any, Callable, TYPE_CHECKING
 
 import pytest
 from rclpy.qos import qos_profile_sensor_data, QoSProfile, ReliabilityPolicy
@@ -18,6 +18,13 @@ BEST_EFFORT, RELIABLE = ReliabilityPolicy.BEST_EFFORT, ReliabilityPolicy.RELIABL
 RUNNING = (Path(__file__).parents[2] / 'doc' / 'running.md').read_text()
 PUBLISHED = ('/detector/segments', '/detector/arcs', '/detector/markers', '/detector/overlay',
              '/detector/planes', '/diagnostics')
+
+
+def policy(peer: Peer, look_up: Callable[[str], list[Any]], topic: str) -> ReliabilityPolicy:
+    """Return the reliability of the one endpoint of a topic, when discovery has found it."""
+    peer.until(lambda: look_up(topic))
+    info, = look_up(topic)
+    return info.qos_profile.reliability
 
 
 def test_both_kinds_of_camera_before_and_after_the_detector(peer: Peer) -> None:
@@ -54,11 +61,9 @@ def test_every_topic_follows_its_override(peer: Peer, overridden: bool) -> None:
     assert same(rig.detect(image(SCENE)), EXPECTED)
     out, into = (BEST_EFFORT, RELIABLE) if overridden else (RELIABLE, BEST_EFFORT)
     for topic in PUBLISHED:
-        info, = peer.node.get_publishers_info_by_topic(topic)
-        assert info.qos_profile.reliability == out, topic
+        assert policy(peer, peer.node.get_publishers_info_by_topic, topic) == out, topic
     for topic in ('/image', '/camera_info'):
-        info, = peer.node.get_subscriptions_info_by_topic(topic)
-        assert info.qos_profile.reliability == into, topic
+        assert policy(peer, peer.node.get_subscriptions_info_by_topic, topic) == into, topic
     assert 'no parameter' not in rig.process.output
 
 
@@ -80,8 +85,7 @@ def test_the_override_of_the_documents_beside_its_remap(peer: Peer, transport: l
               camera_type=CompressedImage if transport else Image,
               camera_qos=QoSProfile(depth=1, reliability=RELIABLE))
     rig.ready()
-    info, = peer.node.get_subscriptions_info_by_topic(topic)
-    assert info.qos_profile.reliability == RELIABLE
+    assert policy(peer, peer.node.get_subscriptions_info_by_topic, topic) == RELIABLE
     assert 'it is ignored' not in rig.process.output
 
 

@@ -13,7 +13,7 @@ from rig import Rig
 if TYPE_CHECKING:
     from conftest import Peer, Process
 
-PROMPT = 4.0  # s; 1 where the machine does nothing else
+PROMPT = 10.0  # s; 1 where the machine does nothing else, and 30 for the rest of the kernels
 
 
 def start(peer: Peer, node: str) -> Process:

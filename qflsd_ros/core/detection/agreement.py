@@ -144,7 +144,7 @@ def evidence(work: Workspace, e: int, f: int) -> float:
 
 @inlined
 def _is_straight(fits: np.ndarray, i: int, length: float, limits: Limits) -> bool:
-    """Tell whether a fit of such a length, px, may be the picture of a straight edge."""
+    """Return whether a fit of this length, px, may be the image of a straight edge."""
     lam, x, y, std = limits.bend.lens
     dx, dy = x - fits[i, circle.X0], y - fits[i, circle.Y0]
     part = circle.at_centre(lam, dx, dy, fits[i, circle.B], fits[i, circle.C], fits[i, circle.D])

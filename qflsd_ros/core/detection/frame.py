@@ -41,7 +41,7 @@ class Limits(NamedTuple):
 
 
 def lens_prior(lens: DivisionModel | None) -> LensPrior:
-    """Return a lens as the kernels use it; None is a lens of which nothing is known."""
+    """Return a lens as the kernels use it; None is an unknown lens."""
     if lens is None:
         return UNKNOWN_LENS
     # The same displacement in the image for any lambda.

@@ -1,8 +1,8 @@
 """
-Which ends of pieces lie where an arc might go on.
+The grid of ends: a spatial index for the search of ends near the tangent at another end.
 
-Ends are sorted into square cells, row by row, so that those in a part of a row of cells lie one
-behind the other.
+The ends of pieces are sorted into square cells, row by row, so that the ends in neighbouring cells
+of one row are contiguous in memory.
 """
 from __future__ import annotations
 
@@ -13,33 +13,33 @@ import numpy as np
 
 from qflsd_ros.core.compilation import compiled, inlined
 
-CELL = 16.0             # px, of a cell
-COSINE = math.cos(math.radians(9.0))        # of the angle between the tangents at a gap
+CELL = 16.0             # px, side of a cell: changes the time alone
+COSINE = math.cos(math.radians(9.0))        # least, of the angle between the tangents at a gap
 OVERLAP = 4.0           # px by which two pieces may overlap
-ACROSS = 1.2            # px that an end may lie beside the tangent at the other
-ACROSS_SLOPE = 0.18     # px more of that for each px of gap
+ACROSS = 1.2            # px, largest distance of an end from the tangent at the other end
+ACROSS_SLOPE = 0.18     # px by which that distance grows for each px of gap
 
 
 class Grid(NamedTuple):
     """M ends in ``rows`` times ``columns`` cells."""
 
-    begins: np.ndarray      # (rows columns + 1,) int64, where in the order each cell begins
-    order: np.ndarray       # (M,) int64, the ends (2 piece + side) in order of their cells
-    places: np.ndarray      # (M, 4) float64, their x, y and outward unit tangent, in that order
+    begins: np.ndarray      # (rows columns + 1,) int64: index in order of each cell's first end
+    order: np.ndarray       # (M,) int64: the ends (2 piece + side), sorted by cell
+    places: np.ndarray      # (M, 4) float64: x, y and outward unit tangent of the ends, as sorted
     columns: int
     rows: int
 
 
 @inlined
 def cell(coordinate: float, cells: int) -> int:
-    """Return the row or column of cells, of so many, in which a coordinate lies."""
+    """Return the row or column of cells, 0 to ``cells`` - 1, that holds a coordinate in px."""
     return min(max(int(coordinate / CELL), 0), cells - 1)
 
 
 @compiled
 def _sort(ends: np.ndarray, begins: np.ndarray, order: np.ndarray, places: np.ndarray,
           columns: int, rows: int, filled: np.ndarray) -> None:
-    """Fill the arrays of a grid; ``begins`` is 0 before, ``filled`` has the same size."""
+    """Fill the arrays of a grid by a counting sort; ``begins`` is 0 before, ``filled`` scratch."""
     for e in range(len(order)):
         begins[cell(ends[e, 1], rows) * columns + cell(ends[e, 0], columns) + 1] += 1
     for k in range(rows * columns):
@@ -78,7 +78,7 @@ def sort_ends(ends: np.ndarray, order: np.ndarray, places: np.ndarray, height: i
 
 @inlined
 def gap_to(tip: tuple[float, float, float, float], grid: Grid, k: int, longest: float) -> float:
-    """Return the gap in px from a tip (position, tangent) to an end that may go on it, or inf."""
+    """Return the gap, px, from a tip (x, y, tangent) to end k, or inf if k is not in line."""
     x, y, tx, ty = tip
     gx, gy = grid.places[k, 0] - x, grid.places[k, 1] - y
     along, across = gx * tx + gy * ty, gx * ty - gy * tx

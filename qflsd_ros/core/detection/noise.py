@@ -1,13 +1,12 @@
 """
-How noisy an image is, estimated from the image itself.
+The noise of an image, estimated from the image itself.
 
-The difference of two Laplacians is 0 on everything that varies linearly along x or along y, edges
-along the axes among it; what it leaves is noise, and texture.  It is looked at in blocks all over
-the image, of which those with the least are flat enough to show the noise alone.
+The difference of two Laplacians responds to noise and texture.  It is 0 on any signal that is
+linear along x or along y, edges along the axes included.  Its mean absolute value is taken in
+blocks all over the image; the blocks with the lowest responses are flat and show noise alone.
 
-Where it is exactly 0 in a whole block, there is no noise at all: either in the image, or in bars
-beside it, patches and captions that were put into it after it was taken.  These show nothing of
-the noise of the rest.
+A block without any response has no noise: the whole image has none, or the block lies in a bar,
+patch or caption that was drawn later.  Such blocks do not count in an image that has noise.
 
 Reference: J. Immerkaer, Fast noise variance estimation, CVIU 64(2), 1996.
 """
@@ -23,24 +22,24 @@ from qflsd_ros.core.detection.spacing import place
 
 HEIGHT, WIDTH = 8, 8    # px, of a block
 ROWS, COLUMNS = 14, 14  # of blocks
-FLATTEST = 0.1          # share of the blocks that are believed to show noise alone
-# Share of the blocks that must show something all over, or else the image has no noise: a quarter
-# of a wide screen is left to an upright film between bars; clean edges alone pass fewer blocks.
+FLATTEST = 0.1          # share of the blocks that show noise alone, without texture
+# Least share of blocks in which most pixels respond, in an image with noise: an upright film
+# between bars fills a quarter of a wide screen, and clean edges alone pass fewer blocks.
 NOISY = 0.25
-# Mean response from which on hardly a pixel is without one by chance (noise of 1.7 grey levels
-# leaves 4 % at 0): those that are, in a block, are then of a bar or patch that cuts it.
+# Mean response from which on pixels without response belong to a bar or patch that covers part of
+# the block: noise this strong (1.7 grey levels) leaves only 4 % of the pixels at 0 by chance.
 CUT = 8.0
 BLUR = 0.08             # px for each grey level of noise
-MOST_BLUR = 2.0         # px; more noise than that blur is for is texture all over the image
-BREAKING = 3.0          # grey levels of noise from which on it breaks edges up
-FEWEST = 5              # edge points of the shortest piece to look for, however much there is
+MOST_BLUR = 2.0         # px; an estimate of more noise comes from texture all over the image
+BREAKING = 3.0          # grey levels of noise from which on it interrupts edges
+FEWEST = 5              # edge points of the shortest piece, however strong the noise
 GAIN = math.sqrt(math.pi / 2) / 6       # standard deviation of white noise over mean response
 SOBEL_BLUR = 0.42       # px^2, variance of the Gaussian whose derivative is about Sobel's
 
 
 @inlined
 def _response(gray: np.ndarray, top: int, left: int) -> tuple[np.int32, np.int32, bool]:
-    """Return a block's sum of absolute responses, how many are 0, and if a pixel is saturated."""
+    """Return a block's sum of absolute responses, its responses of 0, and if it is saturated."""
     total, still, darkest, brightest = np.int32(0), np.int32(0), np.int32(255), np.int32(0)
     for y in range(top, top + HEIGHT):
         above, here, below = gray[y - 1], gray[y], gray[y + 1]
@@ -58,7 +57,7 @@ def _response(gray: np.ndarray, top: int, left: int) -> tuple[np.int32, np.int32
 
 @inlined
 def _is_masked(allowed: np.ndarray, top: int, left: int) -> bool:
-    """Return whether any pixel is masked that the responses in a block depend on."""
+    """Return whether a block, or a pixel next to it, is masked: its responses depend on both."""
     for y in range(top - 1, top + HEIGHT + 1):
         for x in range(left - 1, left + WIDTH + 1):
             if not allowed[y, x]:
@@ -69,11 +68,11 @@ def _is_masked(allowed: np.ndarray, top: int, left: int) -> bool:
 @compiled
 def _responses(gray: np.ndarray, where: Region, responses: np.ndarray) -> tuple[int, int, int]:
     """
-    Write the mean absolute responses, above 0, of blocks in a region, without saturated pixels.
+    Write the mean absolute response of each block of a region that has one and is not saturated.
 
-    ``gray`` is (H, W) uint8, ``responses`` (ROWS COLUMNS,) float64; the region is larger by 2 px
-    than a block.  Returns how many there are, in how many of them most pixels respond, and the
-    number of blocks without any response.
+    ``gray`` is (H, W) uint8, ``responses`` (ROWS COLUMNS,) float64; the region is at least 2 px
+    larger than a block.  Returns the number of responses written, the number of these blocks in
+    which most pixels respond, and the number of blocks without any response.
     """
     height, width = where.bottom - where.top, where.right - where.left
     count = busy = silent = 0
@@ -97,15 +96,15 @@ def _responses(gray: np.ndarray, where: Region, responses: np.ndarray) -> tuple[
 
 
 def blur(least: float, noise: float) -> float:
-    """Return the standard deviation in px of the blur that an image with such noise needs."""
+    """Return the standard deviation, px, of the blur: ``least``, plus what the noise needs."""
     return math.hypot(least, min(BLUR * noise, MOST_BLUR))
 
 
 def min_points(usual: int, noise: float) -> int:
     """
-    Return the edge points of the shortest piece that is worth looking for.
+    Return the number of edge points of the shortest piece.
 
-    Noise breaks edges up: each grey level of it takes a point off the ``usual`` number.
+    Noise interrupts edges: each grey level above BREAKING shortens the ``usual`` piece by a point.
     """
     return max(FEWEST, usual - max(0, int(noise - BREAKING)))
 
@@ -114,8 +113,9 @@ def of_gradient(noise: float, blur_sigma: float) -> float:
     """
     Return the noise of dx and dy in grey levels after a Gaussian blur.
 
-    White noise through the derivative of a Gaussian of variance v has the variance 1 / (8 pi v^2);
-    Sobel's is about one of variance SOBEL_BLUR, and twice that of the grey levels for each pixel.
+    The derivative of a Gaussian of variance v gives white noise of variance 1 the variance
+    1 / (8 pi v^2).  A gradient here is about twice that derivative: the change over 2 px.  Sobel's
+    filter adds SOBEL_BLUR to the variance of the blur.
     """
     return 2 * noise / (math.sqrt(8 * math.pi) * (blur_sigma ** 2 + SOBEL_BLUR))
 
@@ -124,8 +124,8 @@ def estimate(gray: np.ndarray, where: Region | None = None) -> float:
     """
     Return the standard deviation of the noise of an image in grey levels.
 
-    ``gray`` is a (H, W) uint8 array, looked at in a region of it (None: all over).  Where there is
-    no block to look at, since that is too small, or saturated or masked everywhere, it is 0.
+    ``gray`` is (H, W) uint8; only ``where``, a region of it, is used (None: all of it).  The
+    result is 0 if the region is smaller than a block, or if each block is saturated or masked.
     """
     where = region(gray.shape, None) if where is None else where
     if where.bottom - where.top < HEIGHT + 2 or where.right - where.left < WIDTH + 2:

@@ -1,4 +1,4 @@
-"""Where arcs may be: the part of an image that a mask leaves."""
+"""The region of an image in which arcs are detected: all pixels, or those that a mask allows."""
 from __future__ import annotations
 
 import math
@@ -27,7 +27,7 @@ class Region(NamedTuple):
 
 
 def region(shape: tuple[int, int], mask: np.ndarray | None) -> Region:
-    """Return the part of an image that a mask (H, W), not zero there, leaves; None: all of it."""
+    """Return the region where a mask, (H, W) uint8 or bool, is not 0; None: the whole image."""
     height, width = shape
     if mask is None or (mask != 0).all():
         everywhere = np.ones(shape, np.bool_)
@@ -40,7 +40,7 @@ def region(shape: tuple[int, int], mask: np.ndarray | None) -> Region:
 
 
 def _extent(lines: np.ndarray) -> tuple[int, int]:
-    """Return where the first of the lines that are True is, and the one after the last."""
+    """Return the index of the first True, and the one after the last; 0, 0 without any."""
     wanted = np.flatnonzero(lines)
     return (int(wanted[0]), int(wanted[-1]) + 1) if len(wanted) else (0, 0)
 

@@ -7,8 +7,9 @@ from qflsd_ros.core.compilation import inlined
 @inlined
 def place(i: int, room: int, steps: int) -> int:
     """
-    Return i / steps of the room in whole px or points, for i of 0 to ``steps``, above 0.
+    Return i / steps of ``room``, rounded to an integer, for 0 <= i <= steps and steps > 0.
 
-    Place i from one end is place i from the other, but for the middle one of an odd room.
+    Places are symmetric: place i from one end equals place i from the other end, except for the
+    middle one of an odd room.
     """
     return i * room // steps if 2 * i <= steps else room - (steps - i) * room // steps

@@ -1,10 +1,10 @@
 """
-Thresholds: how strong the edges of an image are, which is less in the dark and out of focus.
+Thresholds: the contrasts that edges must have, adapted to the contrast and noise of an image.
 
 The contrasts in Parameters are meant for photographs of usual contrast.  They are multiplied by
-the strength of the image, and stay above its noise, so that they need no tuning for another
-exposure.  The strength is that of the steepest slopes along lines all over the image, since lines
-cross edges.
+the strength of the image, which is low in the dark and out of focus, and stay above its noise, so
+that another exposure needs no tuning.  The strength is measured by the steepest slopes along rows
+and columns all over the image, since these cross its edges.
 """
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ import numpy as np
 from qflsd_ros.core.compilation import compiled, inlined
 from qflsd_ros.core.detection.region import Region, region
 
-LINES = 12              # in each direction
-PIECES = 16             # of a line
+LINES = 12              # rows, and columns, that are sampled; chosen, not tuned
+PIECES = 16             # of a line, each with one steepest slope; chosen, not tuned
 SMALLEST = PIECES + 2   # px, of a side: a piece has one pixel at least
 STRONGEST = 0.03        # share of the pieces that cross a strong edge in most photographs
-USUAL = 110.0           # grey levels between pixels two apart, in the weakest of these pieces
-# Least and largest strength, as shares of that: weaker slopes are not edges, and thresholds follow
-# the gain of a camera up to the largest (tuned on photographs under changes of light).
+USUAL = 110.0           # grey levels over 2 px, slope of the weakest of these
+# Least and largest strength, as shares of USUAL: weaker slopes are not edges, and thresholds
+# follow the gain of a camera up to the largest (tuned on photographs under changes of light).
 WEAKEST, LARGEST = 0.35, 2.5
 ABOVE_NOISE = 3.5       # contrast_high in standard deviations of the gradient noise, at least
 
@@ -28,10 +28,11 @@ ABOVE_NOISE = 3.5       # contrast_high in standard deviations of the gradient n
 def _steepest(lines: np.ndarray, seen: np.ndarray, masked: bool, top: int, bottom: int, left: int,
               right: int, slopes: np.ndarray, count: int) -> int:
     """
-    Append the largest difference of pixels two apart in each piece of lines all over a region.
+    Append the steepest slope of each piece of the sampled rows of a region.
 
-    ``lines`` and ``seen`` are (H, W) uint8 and bool, ``slopes`` (2 LINES PIECES,) float64, of
-    which ``count`` are filled; returns the new count.  Pieces masked everywhere have none.
+    A slope is the difference of two pixels at a distance of 2 px.  ``lines`` and ``seen`` are
+    (H, W) uint8 and bool, ``slopes`` (2 LINES PIECES,) float64, of which ``count`` are filled;
+    returns the new count.  Pieces that are masked everywhere are skipped.
     """
     width = right - left - 2
     for i in range(LINES):
@@ -50,7 +51,7 @@ def _steepest(lines: np.ndarray, seen: np.ndarray, masked: bool, top: int, botto
 
 @compiled
 def _slopes(gray: np.ndarray, where: Region, slopes: np.ndarray) -> int:
-    """Write the steepest slopes along rows, and along columns; return how many there are."""
+    """Write the steepest slopes along rows, then along columns; return their number."""
     top, bottom, left, right = where.top, where.bottom, where.left, where.right
     count = _steepest(gray, where.seen, where.masked, top, bottom, left, right, slopes, 0)
     return _steepest(gray.T, where.seen.T, where.masked, left, right, top, bottom, slopes, count)
@@ -60,8 +61,8 @@ def estimate(gray: np.ndarray, where: Region | None = None) -> float:
     """
     Return the strength of the edges of an image, as a share of the usual: WEAKEST to LARGEST.
 
-    ``gray`` is a (H, W) uint8 array, looked at in a region of it (None: all over); one too small
-    to tell is taken for usual.
+    ``gray`` is (H, W) uint8; only ``where``, a region of it, is used (None: all of it).  A region
+    below SMALLEST px, or masked everywhere, has the strength 1.
     """
     where = region(gray.shape, None) if where is None else where
     if min(where.bottom - where.top, where.right - where.left) < SMALLEST:
@@ -77,16 +78,16 @@ def estimate(gray: np.ndarray, where: Region | None = None) -> float:
 
 def scale(strength: float, noise: float, high: float) -> float:
     """
-    Return by how much to multiply the contrasts that edges must have.
+    Return the factor of ``contrast_low`` and ``contrast_high`` for one image.
 
     Parameters
     ----------
     strength
-        Of the edges of the image, as a share of the usual.
+        Of the edges of the image, as :func:`estimate` returns it.
     noise
-        Standard deviation of its gradient's noise, grey levels.
+        Standard deviation of the noise of its gradients, grey levels.
     high
-        Contrast that a clear edge of an image of usual strength has, grey levels.
+        ``contrast_high`` of the parameters, grey levels.
 
     """
     return max(strength, ABOVE_NOISE * noise / high)

@@ -1,1 +1,1 @@
-"""What arcs say about space."""
+"""Geometry in space from arcs: planes of edges, vanishing directions, attitude."""

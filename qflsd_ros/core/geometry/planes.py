@@ -1,8 +1,8 @@
 """
 The planes through the optical centre that hold the straight edges behind arcs.
 
-What the distortion leaves of an edge is an arc; undistorted, its points look in directions that
-lie in one plane.  The normal of that plane is all that one image tells of the edge.
+The viewing directions of the points of an arc lie in one plane if the edge is straight.  One image
+determines the normal of that plane, and nothing else about the edge.
 """
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy as np
 from qflsd_ros.core.arcs import Arcs
 from qflsd_ros.core.lens.camera_model import CameraModel
 
-SAMPLES = 9     # points along an arc
+SAMPLES = 9     # points along an arc; chosen, not tuned
 STEP = 1e-3     # px across, for the derivative of a ray
 
 

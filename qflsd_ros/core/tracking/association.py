@@ -23,7 +23,8 @@ NEAR = 2.0          # px from a track to an arc on it, at most
 PLACES = 8          # tracks that are compared with one arc, at most
 AT_LEAST = 0.3      # length that an arc and its track share, of the shorter one
 
-NEW, KNOWN, LEFT_OUT = 0, 1, 2      # what becomes of an arc
+# Class of an arc: it begins a track, lies on one, or is dropped as a parallel of one.
+NEW, KNOWN, LEFT_OUT = 0, 1, 2
 
 
 class Tally(NamedTuple):
@@ -34,17 +35,17 @@ class Tally(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """What the arcs of a frame change of M tracks, and what becomes of N arcs."""
+    """The result of an association of N arcs with M tracks."""
 
-    covered: np.ndarray     # (M,) float64, px of each track with an arc on it
-    scores: np.ndarray      # (M,) float64, the scores of these arcs, in proportion to their length
+    covered: np.ndarray     # (M,) float64, length of each track that arcs cover, px
+    scores: np.ndarray      # (M,) float64, scores of these arcs, each times its share on the track
     absorbed: np.ndarray    # (M,) bool, whether a track became part of another
-    fate: np.ndarray        # (N,) int64: NEW, KNOWN or LEFT_OUT
+    fate: np.ndarray        # (N,) int64: class of each arc, NEW, KNOWN or LEFT_OUT
 
 
 @inlined
 def _add(tally: Tally, count: int, track: int, length: float) -> int:
-    """Add to the length that an arc shares with a track; return the number of tracks."""
+    """Add px to the length that an arc shares with a track; return the new ``count`` of tracks."""
     for k in range(count):
         if tally.tracks[k] == track:
             tally.lengths[k] += length
@@ -58,7 +59,7 @@ def _add(tally: Tally, count: int, track: int, length: float) -> int:
 @inlined
 def _compare(chart: np.ndarray, rows: np.ndarray, arc: curve.Curve, polarity: float,
              distance: float, tally: Tally) -> tuple[int, float]:
-    """Fill the tally of an arc; return the number of its tracks, and its length beside tracks."""
+    """Fill the tally of an arc; return the number of its tracks, and its length on any, px."""
     size = curve.length(arc)
     steps = max(int(math.ceil(size / EVERY)), 1)
     length, count, beside = size / (steps + 1), 0, 0.0
@@ -75,7 +76,7 @@ def _compare(chart: np.ndarray, rows: np.ndarray, arc: curve.Curve, polarity: fl
 
 @inlined
 def _credit(tally: Tally, count: int, score: float, outcome: Outcome) -> int:
-    """Credit an arc's score, per px, to its tracks; return the place of the longest, or -1."""
+    """Credit an arc's score per px to its tracks; return the index of the longest part, or -1."""
     best = -1
     for k in range(count):
         track = tally.tracks[k]
@@ -116,11 +117,12 @@ def associate(chart: np.ndarray, rows: np.ndarray, arcs: np.ndarray, distance: f
         (N, COLUMNS) float64, the detected arcs, of which geometry, polarity and score count; they
         are compared in this order.
     distance
-        Largest distance of an arc that is left out beside a track, px.
+        Largest distance of an arc from a track, px: an arc that lies within it of tracks, for the
+        share HIDDEN of its length, begins no track.
     tally
-        Working memory.
+        Scratch.
     outcome
-        Receives the outcome; 0 and False before.
+        Receives the result; its arrays are 0 and False before the call.
 
     """
     for i in range(len(arcs)):

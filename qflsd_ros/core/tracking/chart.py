@@ -1,8 +1,8 @@
 """
-A chart of the image: which track passes through a pixel.
+The chart: an index image, in which each pixel holds the number of the track that covers it.
 
-Tracks are entered one by one; of two that lie on each other the first remains.  So it takes the
-same time to find what lies beside an arc however many tracks there are.
+Tracks are entered one by one, and a pixel keeps the first track that covers it.  A look-up of the
+track beside a point takes the same time however many tracks there are.
 """
 from __future__ import annotations
 
@@ -15,15 +15,16 @@ from qflsd_ros.core.detection.suppression import HIDDEN, PARALLEL
 from qflsd_ros.core.tracking import curve
 from qflsd_ros.core.tracking.union import lengthen
 
-NOBODY = -1         # on a pixel
-BESIDE = 2          # px across, that a track takes on either side
-EVERY = 3.0         # px between places of an arc that are looked at
-SHARED = 3          # such places that two tracks on one curve share, to become one
+NOBODY = -1         # a pixel without a track
+BESIDE = 2          # px on either side that a track covers; chosen, not tuned
+EVERY = 3.0         # px between the sampled points of an arc; chosen, not tuned
+# Successive sampled points on one other track from which on both are merged; chosen, not tuned.
+SHARED = 3
 
 
 @compiled
 def enter(chart: np.ndarray, rows: np.ndarray, i: int) -> None:
-    """Enter a track into the pixels that are free."""
+    """Write the number i of a track to the pixels that it covers, where there is no other."""
     height, width = chart.shape
     arc = curve.curve(rows, i)
     steps = int(math.ceil(curve.length(arc)))
@@ -41,9 +42,10 @@ def enter(chart: np.ndarray, rows: np.ndarray, i: int) -> None:
 def owner(chart: np.ndarray, rows: np.ndarray, x: float, y: float, nx: float, ny: float,
           distance: float) -> tuple[int, float]:
     """
-    Return the track on which a point of an arc with the normal (nx, ny) lies, or NOBODY.
+    Return the track within ``distance`` px of a point, and parallel to it, or NOBODY.
 
-    The second number is the cosine between both normals: below 0 where the other side is brighter.
+    The point has the normal (nx, ny).  The second number is the cosine between this normal and
+    that of the track: below 0 if their brighter sides are opposite.
     """
     height, width = chart.shape
     column, row = int(math.floor(x + 0.5)), int(math.floor(y + 0.5))
@@ -62,9 +64,10 @@ def owner(chart: np.ndarray, rows: np.ndarray, x: float, y: float, nx: float, ny
 def enter_all(chart: np.ndarray, rows: np.ndarray, order: np.ndarray, distance: float,
               hidden: np.ndarray, absorbed: np.ndarray) -> None:
     """
-    Enter tracks in order, but those that for the most part lie on others already entered.
+    Enter tracks in order, except for those hidden by tracks that were entered before.
 
-    Those that lie on one curve with another, and overlap it, become a part of it.
+    A track is hidden if the share HIDDEN of its points lies on others.  One that overlaps a track
+    less than that, on the same curve, is merged into it.
 
     Parameters
     ----------
@@ -73,11 +76,11 @@ def enter_all(chart: np.ndarray, rows: np.ndarray, order: np.ndarray, distance: 
     rows
         (M, COLUMNS) float64, the tracks.
     order
-        (N,) int64, those to enter.
+        (N,) int64, the tracks to enter.
     distance
-        Up to which one lies on another, px.
+        Largest distance of a point that lies on another track, px.
     hidden, absorbed
-        (M,) bool, take True for those left out, and for those that are a part of another now.
+        (M,) bool, receive True for tracks that are not entered, and of these for merged ones.
 
     """
     for i in order:

@@ -6,7 +6,7 @@ with sagitta h over the half chord c has the curvature k = 2 h / (h^2 + c^2), an
 
     v(t) = h - k t^2 / (1 + sqrt(1 - k^2 t^2)),  tangent (sqrt(1 - k^2 t^2), -k t),
 
-which holds for straight ones, too.  Arcs turn by less than half a turn.
+which holds for straight lines (k = 0), too.  Arcs turn by less than half a turn.
 """
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ import numpy as np
 from qflsd_ros.core.compilation import inlined
 from qflsd_ros.core.tracking.state import END, MIDDLE, START
 
-STEEPEST = 0.05         # cosine between tangent and chord, at least: short of half a turn
+# Least cosine between tangent and chord, just short of half a turn; chosen, not tuned.
+STEEPEST = 0.05
 
 # Origin x, y, direction x, y, half chord, sagitta, curvature.
 Curve = tuple[float, float, float, float, float, float, float]
@@ -36,7 +37,11 @@ def curve(rows: np.ndarray, i: int) -> Curve:
 
 @inlined
 def at(arc: Curve, share: float) -> tuple[float, float, float, float]:
-    """Return the point of an arc at a share of its half chord, and the unit normal, right."""
+    """
+    Return a point x, y of an arc, px, and the unit normal there, right of travel.
+
+    ``share`` is the position along the chord: -1 at the start, 0 halfway, 1 at the end.
+    """
     ox, oy, ux, uy, half, h, k = arc
     t = share * half
     c = math.sqrt(max(1 - k * k * t * t, STEEPEST * STEEPEST))
@@ -47,7 +52,7 @@ def at(arc: Curve, share: float) -> tuple[float, float, float, float]:
 
 @inlined
 def place(arc: Curve, x: float, y: float) -> tuple[float, float]:
-    """Return where a point lies: as a share of the half chord, and how far right of the arc."""
+    """Return a point's position along the chord (-1 to 1 on the arc), and px right of the arc."""
     ox, oy, ux, uy, half, h, k = arc
     t = (x - ox) * ux + (y - oy) * uy
     c = math.sqrt(max(1 - k * k * t * t, STEEPEST * STEEPEST))

@@ -1,11 +1,11 @@
 """
-The motion of the image between two frames, as a polynomial of the place.
+The motion field between two frames, as a cubic polynomial in the image coordinates.
 
 A camera that turns moves the image by a homography, through a lens by more than that; a cubic
-polynomial in x and y follows both to a fraction of a pixel over an image.  An edge at the distance
-d along the normal n of a track is one equation for it: n.u(x) = d (normal flow).  They are solved
-by least squares with Tukey's weights, beginning with the affine part, and with the motion of the
-frame before as a prior.
+polynomial in x and y approximates both to a fraction of a pixel.  An edge at the distance d along
+the normal n of a track gives one equation, n.u(x) = d (normal flow).  The equations are solved by
+least squares with Tukey's weights, first for the affine part and then for all terms.  The expected
+motion is the prior.
 """
 from __future__ import annotations
 
@@ -18,12 +18,13 @@ from qflsd_ros.core.tracking.looks import nearest, NX, NY, WAS_X, WAS_Y, X, Y
 
 TERMS = 10              # of a cubic polynomial in x and y
 AFFINE, CUBIC = 6, 2 * TERMS
-# Least squares in turn: unknowns, and px from which on an edge has no weight.
+# Iterations: unknowns, and px from which on an edge has no weight; chosen, not tuned.
 STEPS = ((AFFINE, 7.0), (AFFINE, 4.0), (CUBIC, 3.0), (CUBIC, 1.5))
-# px by which each degree changes from frame to frame, at the border of the image: large enough for
-# a camera in a hand, small enough where few tracks are seen.
+# Prior standard deviation of the change from frame to frame of the terms of degree 0 to 3, px at
+# the border of the image: large enough for a hand-held camera, small enough to stabilise the field
+# where there are few tracks; chosen, not tuned.
 CHANGES = (10.0, 5.0, 3.0, 0.5)
-AGREES = 1.5            # px
+AGREES = 1.5            # px between an edge and the motion that agree; chosen, not tuned
 
 
 @inlined
@@ -36,7 +37,7 @@ def _terms(x: float, y: float, phi: np.ndarray) -> None:
 
 @compiled
 def scaled(x: float, y: float, width: int, height: int) -> tuple[float, float]:
-    """Return a place from the centre of the image, in half diagonals; never beyond its border."""
+    """Return x, y from the image centre, in half diagonals; clamped to the border of the image."""
     size = 0.5 * math.hypot(width, height)
     x, y = min(max(x, 0.0), width - 1.0), min(max(y, 0.0), height - 1.0)
     return (x - 0.5 * (width - 1)) / size, (y - 0.5 * (height - 1)) / size
@@ -44,7 +45,7 @@ def scaled(x: float, y: float, width: int, height: int) -> tuple[float, float]:
 
 @inlined
 def _at(field: np.ndarray, phi: np.ndarray) -> tuple[float, float]:
-    """Return the motion where the terms are taken, px."""
+    """Return the motion u, v, px, by the terms of a place."""
     u = v = 0.0
     for k in range(TERMS):
         u += field[2 * k] * phi[k]
@@ -55,7 +56,7 @@ def _at(field: np.ndarray, phi: np.ndarray) -> tuple[float, float]:
 @compiled
 def motion(field: np.ndarray, x: float, y: float, width: int, height: int,
            phi: np.ndarray) -> tuple[float, float]:
-    """Return the motion at a place, px."""
+    """Return the motion u, v of the image, px, at the place (x, y), px; ``phi`` is scratch."""
     x, y = scaled(x, y, width, height)
     _terms(x, y, phi)
     return _at(field, phi)
@@ -94,7 +95,7 @@ def _degree(unknown: int) -> int:
 def _step(looks: np.ndarray, found: np.ndarray, counts: np.ndarray, n: int,
           shape: tuple[int, int], prior: np.ndarray, field: np.ndarray, unknowns: int,
           gate: float, a: np.ndarray, b: np.ndarray, phi: np.ndarray) -> int:
-    """Improve the field once; return how many normals agree with it."""
+    """Update the field by one iteration; return how many normals agreed with it before."""
     agreeing = 0
     a[:], b[:] = 0.0, 0.0
     for k in range(n):
@@ -129,7 +130,7 @@ def estimate(looks: np.ndarray, found: np.ndarray, counts: np.ndarray, n: int,
              shape: tuple[int, int], prior: np.ndarray, field: np.ndarray, a: np.ndarray,
              b: np.ndarray, phi: np.ndarray) -> float:
     """
-    Estimate the motion from the edges on normals.
+    Estimate the motion field from the edges on normals.
 
     Parameters
     ----------
@@ -138,13 +139,14 @@ def estimate(looks: np.ndarray, found: np.ndarray, counts: np.ndarray, n: int,
     shape
         Height and width of the image, px.
     prior, field
-        (2 TERMS,) float64: what is expected, and what takes the result: x and y of each term.
+        (2 TERMS,) float64: the expected field, and the one that receives the result, x and y of
+        each term in turn.
     a, b, phi
         (2 TERMS, 2 TERMS), (2 TERMS,) and (TERMS,) float64, scratch.
 
     Returns
     -------
-    The share of the normals with an edge within AGREES of the motion before the last step.
+    Share of the normals with an edge within AGREES px of the motion before the last iteration.
 
     """
     agreeing = 0

@@ -1,4 +1,4 @@
-"""Normals of many tracks, and the edges found on them: what motion and measurement start from."""
+"""Normals of many tracks with the edges on them, from which the motion field is estimated."""
 from __future__ import annotations
 
 import numpy as np
@@ -12,14 +12,16 @@ from qflsd_ros.core.tracking.state import CONTRAST, POLARITY
 # Columns of a look: number of the track; share of the half chord; the point and the normal there;
 # the same point in the frame before.
 TRACK, SHARE, X, Y, NX, NY, WAS_X, WAS_Y, LOOK = range(9)
-FAINTEST = 0.25     # of a track's contrast: an edge on a normal has at least
-ABOVE_NOISE = 2.5   # standard deviations of the noise that it has at least
-ONE_SIDED = 0.6     # polarity from which on only edges of the same sign are the track's own
+# Least contrast of an edge on a normal: as a share of the track's contrast, and in standard
+# deviations of the gradient noise; chosen, not tuned.
+FAINTEST, ABOVE_NOISE = 0.25, 2.5
+# Polarity of a track from which on only edges of the same polarity match it; chosen, not tuned.
+ONE_SIDED = 0.6
 
 
 @compiled
 def weakest(rows: np.ndarray, i: int, noise: float) -> float:
-    """Return the least contrast of an edge that may be one of a track, grey levels."""
+    """Return the least contrast of an edge that matches track i, grey levels."""
     return max(FAINTEST * rows[i, CONTRAST], ABOVE_NOISE * noise)
 
 
@@ -28,29 +30,30 @@ def look(image: Frame, before: np.ndarray, rows: np.ndarray, chosen: np.ndarray,
          each: int, shift: tuple[float, float], reach: float, looks: np.ndarray,
          found: np.ndarray, counts: np.ndarray) -> int:
     """
-    Look along normals of some tracks.
+    Find the edges along normals of some tracks.
 
     Parameters
     ----------
     image
         The frame.
     before, rows
-        (M, COLUMNS) float64, the tracks in the frame before, and where they are expected.
+        (M, COLUMNS) float64, the tracks in the frame before, and at their predicted places.
     chosen
-        (N,) int64, tracks to look at.
+        (N,) int64, numbers of the tracks to use.
     each
-        Normals of each.
+        Number of normals of each track.
     shift
-        Added to where they are expected, px.
+        Added to the predicted places, px.
     reach
-        How far to look on either side, px.
+        Length of a normal on either side of the track, px.
     looks, found, counts
-        (N each, LOOK), (N each, EDGES) and (N each,), take the normals in sight, and the edges on
-        them: their distances, px, and number.
+        (N each, LOOK) float64, (N each + 1, EDGES) float64 and (N each,) int64: receive the
+        normals in sight, the distances of the edges on each, px, and the number of these edges.
+        The last row of ``found`` is scratch.
 
     Returns
     -------
-    How many normals are in sight.
+    Number of normals in sight.
 
     """
     n = 0
@@ -75,7 +78,7 @@ def look(image: Frame, before: np.ndarray, rows: np.ndarray, chosen: np.ndarray,
 
 @compiled
 def nearest(found: np.ndarray, count: int, expected: float) -> float:
-    """Return the edge of a normal that is nearest to an expected distance; inf without any."""
+    """Return the distance of the edge nearest to an expected one, px; inf without edges."""
     best = np.inf
     for k in range(count):
         if abs(found[k] - expected) < abs(best - expected):

@@ -1,10 +1,10 @@
 """
-Where a track is: measured along its normals, about the place that it is expected at.
+Measurement: the position of a track from the edges along its normals, near its predicted place.
 
-The distances e of edges along the normals, over the share s of the half chord, are fitted by
-e = o + t s + b (s^2 - 1 / 3): offset, turn and bend, by least squares with Tukey's weights.  The
-expected place counts like edges of its own (ridge), so that what is seen of a track in part does
-not swing.
+The distances e of edges along the normals, at the position s along the chord (-1 to 1), are fitted
+by e = o + t s + b (s^2 - 1 / 3): offset, turn and bend, by least squares with Tukey's weights.
+The predicted place counts as additional edges (ridge regression), so that a track that is seen in
+part does not rotate about that part.
 """
 from __future__ import annotations
 
@@ -21,18 +21,19 @@ from qflsd_ros.core.tracking.state import (
     CONTRAST, EDGES as EDGE_COUNT, END, FIRST, LAST, MIDDLE, POLARITY, RMS, SHIFT, START, STEP,
     SUPPORT, TURN)
 
+# All of these are chosen, not tuned.
 SPACING = 3.0           # px between normals
-LEAST, MOST = 6, 40     # normals of a track
-REACH = 3.5             # px, of a search on either side
-GATES = (3.5, 2.5, 1.8, 1.5)    # px from which on an edge has no weight, step by step
-CLOSE = 1.0             # px up to which an edge supports a track
-BENDS = 8               # edges from which on a bend is fitted
-# How many edges the expected offset, turn and bend weigh.
+LEAST, MOST = 6, 40     # fewest and most normals of a track
+REACH = 3.5             # px, length of a normal on either side
+GATES = (3.5, 2.5, 1.8, 1.5)    # px from which on an edge has no weight, by iteration
+CLOSE = 1.0             # px, largest distance of an edge that supports a track
+BENDS = 8               # normals in sight from which on a bend is fitted
+# Weights of the predicted offset, turn and bend, in edges.
 STIFF = 0.05, 0.5, 4.0
-SHRINK = 0.25           # share of an end without support by which it becomes shorter in a frame
-LEAST_SEEN = 5          # normals in sight: less says nothing
-MEMORY = 0.8            # share of the contrast so far in the contrast from now on
-OWN = 0.5               # share by which the motion of a track beyond the field follows its rest
+SHRINK = 0.25           # share of an unsupported end by which a track is shortened in each frame
+LEAST_SEEN = 5          # normals in sight, below which a track is not measured
+MEMORY = 0.8            # weight of the past in the running mean of the contrast
+OWN = 0.5               # gain of a track's own motion, relative to the field, for its residual
 
 # Offset, turn and bend, px.
 Fit = tuple[float, float, float]
@@ -40,14 +41,14 @@ Fit = tuple[float, float, float]
 
 @inlined
 def _value(fit: Fit, s: float) -> float:
-    """Return the distance from the expected place at a share of the half chord, px."""
+    """Return the fitted distance from the predicted place at the position s, px."""
     return fit[0] + fit[1] * s + fit[2] * (s * s - 1 / 3)
 
 
 @inlined
 def _fit(shares: np.ndarray, found: np.ndarray, counts: np.ndarray, n: int, fit: Fit,
          gate: float, terms: int) -> Fit:
-    """Return the fit to the edges nearest to another fit."""
+    """Return the fit, with 1 to 3 ``terms``, to the edges nearest to the previous ``fit``."""
     a00, a11, a22 = STIFF
     a01 = a02 = a12 = b0 = b1 = b2 = 0.0
     for k in range(n):
@@ -90,7 +91,7 @@ def _move(rows: np.ndarray, i: int, arc: curve.Curve, fit: Fit) -> None:
 
 @inlined
 def _shorten(rows: np.ndarray, i: int, first: float, last: float) -> None:
-    """Move the ends of a track towards where its support ends, of what is in sight."""
+    """Move the ends of a track towards its outermost supported normals among those in sight."""
     start = -1 + SHRINK * max(rows[i, FIRST] - first, 0.0)
     end = 1 - SHRINK * max(last - rows[i, LAST], 0.0)
     if start == -1 and end == 1:
@@ -103,7 +104,7 @@ def _shorten(rows: np.ndarray, i: int, first: float, last: float) -> None:
 @inlined
 def _write(rows: np.ndarray, i: int, shares: np.ndarray, found: np.ndarray, counts: np.ndarray,
            strength: np.ndarray, n: int, fit: Fit, arc: curve.Curve, points: np.ndarray) -> None:
-    """Write how well a fit is supported: share, rms, contrast, from where to where, by what."""
+    """Write the support of a fit: its share, extent, rms, contrast and edge points."""
     inliers, squares, steps = 0, 0.0, 0.0
     half = 1 / min(max(int(2 * arc[4] / SPACING), LEAST), MOST)
     rows[i, FIRST], rows[i, LAST] = 1.0, -1.0
@@ -133,20 +134,20 @@ def measure(image: Frame, rows: np.ndarray, needed: np.ndarray, shares: np.ndarr
             found: np.ndarray, counts: np.ndarray, strength: np.ndarray,
             points: np.ndarray) -> None:
     """
-    Measure all tracks about the places that they are expected at.
+    Measure all tracks near their predicted places.
 
     Parameters
     ----------
     image
         The frame.
     rows
-        (M, COLUMNS) float64, the tracks; moved where support suffices.
+        (M, COLUMNS) float64, the tracks; those with sufficient support are moved.
     needed
-        (M,) float64, share of the normals that must be supported.
+        (M,) float64, least share of the normals in sight with an edge within CLOSE.
     shares, found, counts, strength
         (MOST,), (MOST, EDGES), (MOST,) and (MOST, EDGES), scratch.
     points
-        (M, MOST, 2) float64, takes the edges that support each track, px, in order along it.
+        (M, MOST, 2) float64, receives the edges that support each track, px, in order along it.
 
     """
     for i in range(len(rows)):

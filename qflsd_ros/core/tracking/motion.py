@@ -1,4 +1,4 @@
-"""Where tracks are expected in the next frame: by the motion of the image, and their own."""
+"""Prediction: the places of tracks in the next frame, by the motion field and their own motion."""
 from __future__ import annotations
 
 import numpy as np
@@ -13,19 +13,20 @@ from qflsd_ros.core.tracking.normals import EDGES
 from qflsd_ros.core.tracking.state import COLUMNS, END, LOST, MIDDLE, SHIFT, START, TURN
 from qflsd_ros.core.tracking.vote import translation
 
-LONGEST = 100           # tracks that the motion is estimated from
-BALLOTS, NORMALS = 3, 6     # normals of each that vote, and that the field is fitted to
-# px of a search either way: where the motion before goes on, and where it is unknown.
+# All of these are chosen, not tuned.
+LONGEST = 100           # tracks, the longest ones, from which the motion is estimated
+BALLOTS, NORMALS = 3, 6     # normals of each for the votes, and for the fit of the field
+# Largest translation, px along x and y: from the last motion, and from rest or an unknown motion.
 USUAL, WIDE = 18, 40
-REACH = 6.0             # px, of a search about the voted translation
+REACH = 6.0             # px, length of a normal on either side, after the voted translation
 LOST_BELOW = 0.5        # share of normals that agree with the motion, below which it is unknown
-SURE = 0.75             # above which it is not looked for farther away
+SURE = 0.75             # the same, from which on no other motion is tried
 
 
 @compiled
 def _carry(before: np.ndarray, rows: np.ndarray, motion: np.ndarray, shape: tuple[int, int],
            phi: np.ndarray) -> None:
-    """Move tracks by the field, and by what they outrun it."""
+    """Move tracks by the field, and along their normals by their own motion relative to it."""
     for i in range(len(rows)):
         for column in (START, MIDDLE, END):
             x, y = before[i, column], before[i, column + 1]
@@ -39,7 +40,7 @@ def _carry(before: np.ndarray, rows: np.ndarray, motion: np.ndarray, shape: tupl
 
 
 class Motion:
-    """The motion of the image from frame to frame."""
+    """The motion field from frame to frame, which predicts the tracks."""
 
     def __init__(self) -> None:
         """Begin at rest."""
@@ -60,7 +61,8 @@ class Motion:
 
         Returns
         -------
-        Whether the image moves as the tracks do: without that it shows nothing, or another scene.
+        True if more than LOST_BELOW of the normals agree with one motion field.  It is False for
+        an empty frame and for another scene; then the tracks move by the last field.
 
         """
         self._before = rows.copy()
@@ -80,7 +82,7 @@ class Motion:
         return sure > 0
 
     def _longest(self, rows: np.ndarray) -> np.ndarray:
-        """Return the longest tracks of those that were seen last."""
+        """Return the numbers of the longest tracks of the last frame with a known motion."""
         candidates = np.flatnonzero(rows[:, LOST] <= self.lost)
         chords = np.hypot(rows[candidates, END] - rows[candidates, START],
                           rows[candidates, END + 1] - rows[candidates, START + 1])
@@ -88,7 +90,7 @@ class Motion:
 
     def _try(self, image: Frame, rows: np.ndarray, chosen: np.ndarray, prior: np.ndarray,
              reach: int) -> tuple[np.ndarray, float]:
-        """Return the motion found from an expected one, and how sure it is."""
+        """Return the field estimated from a prior, and the share of normals that agree."""
         shape = image.dx.shape
         result = np.empty(CUBIC)
         _carry(self._before, rows, prior, shape, self._phi)

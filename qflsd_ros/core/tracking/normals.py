@@ -1,10 +1,11 @@
 """
-Edges along the normals of an arc: moving edges.
+Edges along the normals of an arc (moving edges).
 
 P. Bouthemy, A maximum likelihood framework for determining moving edges, PAMI 1989.
 
-A normal is followed along x or y, whichever is closer to it, through the centres of pixels, so
-that nothing is interpolated but the maximum, as in :func:`detection.edges.locate`.
+A normal is sampled along x or y, whichever is closer to it, at the centres of pixels, so that
+gradients need no interpolation.  The maximum is interpolated by :func:`detection.edges.locate`'s
+parabola.
 """
 from __future__ import annotations
 
@@ -16,13 +17,14 @@ from qflsd_ros.core.compilation import inlined
 from qflsd_ros.core.detection.frame import Frame
 from qflsd_ros.core.detection.gradients import GAIN
 
-TURNED = math.tan(math.radians(30.0))   # of the angle between the gradient at an edge and a normal
-EDGES = 4               # that are kept of a normal: those closest to the arc
+# Largest tangent of the angle between the gradient at an edge and the normal; chosen, not tuned.
+TURNED = math.tan(math.radians(30.0))
+EDGES = 4               # edges kept on a normal, the closest to the arc; chosen, not tuned
 
 
 @inlined
 def in_sight(image: Frame, x: float, y: float) -> bool:
-    """Return whether there are gradients at a point that count."""
+    """Return whether a point lies in the image, 1 px from its border, and near no masked pixel."""
     height, width = image.dx.shape
     if not (1 <= x <= width - 2 and 1 <= y <= height - 2):
         return False
@@ -66,18 +68,18 @@ def edges_along(image: Frame, ray: tuple[float, float, float, float], reach: flo
     ray
         A point, px, and the unit normal there.
     reach
-        How far to look on either side, px.
+        Length of the normal on either side, px.
     least
         Least gradient along the normal, grey levels.
     signed
-        Whether only edges count that grow brighter along the normal.
+        True: only edges whose brighter side is ahead along the normal count.
     found, strength
-        (EDGES,), take their distances along the normal, px, the closest first, and gradients,
-        grey levels.
+        (EDGES,) float64, receive the distances of the edges along the normal, px, the closest
+        first, and their gradients along it, grey levels.
 
     Returns
     -------
-    Their number.
+    Number of edges.
 
     """
     x, y, nx, ny = ray

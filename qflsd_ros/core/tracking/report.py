@@ -21,7 +21,7 @@ OFFSET_LEVER, BEND_LEVER = 2.25, 11.25
 
 @inlined
 def _is_shown(allowed: np.ndarray, masked: bool, x: float, y: float) -> bool:
-    """Return whether a point lies in the image, and on no masked pixel nor close beside one."""
+    """Return whether a point lies in the image, and SAMPLED / 2 or more from masked pixels."""
     height, width = allowed.shape
     inside = -0.5 <= x <= width - 0.5 and -0.5 <= y <= height - 0.5
     return inside and (not masked or is_open(allowed, x, y))
@@ -39,7 +39,7 @@ def _is_within(shape: tuple[int, int], rows: np.ndarray, i: int, margin: float) 
 
 @compiled
 def clip(allowed: np.ndarray, masked: bool, rows: np.ndarray, i: int) -> tuple[float, float]:
-    """Return from which to which share of its half chord a track is in sight: the longest part."""
+    """Return first and last position (-1 to 1) of a track's longest part in sight."""
     arc = curve.curve(rows, i)
     if not masked and _is_within(allowed.shape, rows, i, abs(arc[5])):
         return -1.0, 1.0
@@ -66,9 +66,9 @@ def fill(rows: np.ndarray, chosen: np.ndarray, parts: np.ndarray, table: np.ndar
     chosen
         (N,) int64, those to report.
     parts
-        (M, 2) float64, the shares of the half chord between which each is reported.
+        (M, 2) float64, positions along the chord (-1 to 1) between which each is reported.
     table
-        (N, arcs.COLUMNS) float64.
+        (N, arcs.COLUMNS) float64, receives the columns.
 
     """
     for k in range(len(chosen)):
@@ -97,7 +97,11 @@ def arcs(rows: np.ndarray, chosen: np.ndarray, parts: np.ndarray, points: np.nda
     rows, chosen, parts
         As of :func:`fill`.
     points
-        (M, ..., 2) float64, the edges that support each track.
+        (M, ..., 2) float64, the edges that support each track, px.
+
+    Returns
+    -------
+    Arcs with a table of dtype :data:`arcs.TRACKED_TABLE`, in the order of ``chosen``.
 
     """
     filled = np.zeros((len(chosen), COLUMNS))
@@ -118,7 +122,7 @@ def arcs(rows: np.ndarray, chosen: np.ndarray, parts: np.ndarray, points: np.nda
 
 def in_sight(image: Frame, rows: np.ndarray, chosen: np.ndarray,
              parts: np.ndarray) -> None:
-    """Write to ``parts`` (M, 2) which part of each of some tracks is in sight."""
+    """Write to ``parts`` (M, 2) the supported part in sight of the chosen tracks, -1 to 1."""
     _clip_all(image.region.allowed, image.region.masked, rows, chosen, parts)
 
 

@@ -1,34 +1,36 @@
 """
-What a tracker knows of its tracks: one row of numbers for each.
+The state of the tracks: a row of numbers for each.
 
 A track is an arc through three points, in order of travel, with the brighter side to the right.
-It may reach beyond the image: lines that leave it come back.
+It may extend beyond the image, so that lines that leave it are found again.
 """
 from __future__ import annotations
 
 import numpy as np
 
-# Columns of a row: start, middle and end, px, x and y one after the other; ...
+# Columns of a row.  Start, middle and end are x and y, px.
 START, MIDDLE, END = 0, 2, 4
 CONTRAST = 6        # grey levels, mean step across
 POLARITY = 7        # as that of an arc: share of points with the brighter side right, less left
-SCORE = 8           # mean over frames, of late, of the arcs on it; 0 in a frame without one
+SCORE = 8           # running mean of the scores of arcs on it; 0 in a frame without one
 IDENTITY = 9
 AGE = 10            # frames in which it was reported
 LOST = 11           # frames since it was confirmed
-DETECTED = 12       # how often it is detected anew, of late: 0 to 1
-SHIFT, TURN = 13, 14    # px by which its middle, and its end more than that, outrun the field
-SUPPORT = 15        # share of its normals in sight with an edge on it
-FIRST, LAST = 16, 17    # where it is supported, -1 at its start to 1 at its end
-RMS = 18            # px, of the edges on its normals from it
-EDGES = 19          # number of these
+DETECTED = 12       # running mean of the frames in which arcs cover it: 0 to 1
+# Own motion along the normal relative to the field, px in a frame: of its middle, and of its end
+# relative to the middle.
+SHIFT, TURN = 13, 14
+SUPPORT = 15        # share of its normals in sight that have a supporting edge
+FIRST, LAST = 16, 17    # its supported part: from -1 at its start to 1 at its end
+RMS = 18            # px, rms distance of the supporting edges
+EDGES = 19          # number of supporting edges
 CONFIRMED = 20      # 1 where its support suffices in this frame
 HELD = 21           # 1 where no arc was detected on it in this frame
 STEP = 22           # grey levels, mean step across in this frame
 REPORTED = 23       # 1 where it is confirmed and its score suffices
 COLUMNS = 24
 
-MOST = 4096         # tracks, lost ones included: more than any image has arcs that are worth it
+MOST = 4096         # tracks, lost ones included: more than an image has arcs; chosen, not tuned
 
 
 class Tracks:
@@ -45,7 +47,7 @@ class Tracks:
         return self._rows[:self.count]
 
     def keep(self, wanted: np.ndarray) -> None:
-        """Keep those tracks alone that a (count,) bool array says."""
+        """Remove the tracks where ``wanted``, (count,) bool, is False."""
         if wanted.all():
             return
         kept = self.rows[wanted]
@@ -53,7 +55,7 @@ class Tracks:
         self.count = len(kept)
 
     def add(self, rows: np.ndarray) -> None:
-        """Append rows (N, COLUMNS), as many as there is room for."""
+        """Append rows (N, COLUMNS); those beyond MOST tracks in all are dropped."""
         rows = rows[:MOST - self.count]
         self._rows[self.count:self.count + len(rows)] = rows
         self.count += len(rows)

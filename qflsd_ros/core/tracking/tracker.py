@@ -1,4 +1,10 @@
-"""Lines over frames: detected, predicted, measured, confirmed, taken up again."""
+"""
+The tracker: lines over frames, each with an identity.
+
+In each frame, all tracks are predicted by the motion of the image, measured on its edges and
+confirmed by their support.  Detected arcs lengthen confirmed tracks or begin new ones.  A lost
+track is kept for some frames, and keeps its identity if it is found again.
+"""
 from __future__ import annotations
 
 import numpy as np
@@ -17,19 +23,21 @@ from qflsd_ros.core.tracking.normals import EDGES
 from qflsd_ros.core.tracking.state import Tracks
 
 LAST_IDENTITY = 2 ** 24     # consumers carry identities as float32, which is exact up to there
-SUPPORTED = 0.5             # share of the normals of a track that was reported in the last frame
-FOUND_AGAIN = 0.6           # the same for one that was lost
-NEVER = 2.0                 # no track has that
-SURER = 2.0     # by which the score of a new track exceeds that of an arc (min_score)
-CLOSER = 0.7                # of the distance of parallel arcs: that of parallel tracks
-PATIENCE = 60               # frames for which lost tracks are kept
-ESTABLISHED = 3             # frames in which a track must have been seen to be kept when lost
-LESS = -3.0     # the same for a track that was reported in the last frame
-FORGOTTEN = 1.0             # score of a track that is not followed any longer
-YOUNG = 5                   # frames for which others are kept
-RECENT = 0.9                # share of how often it was detected so far, in that from now on
-COVERED = 0.5               # share of a track's chord with arcs on it, to be detected anew
-FEW = 0.25                  # of the tracks: fewer arcs are those of a frame that shows nothing
+# All of the following are chosen, not tuned.
+SUPPORTED = 0.5             # least share of supported normals, of a track of the last frame
+FOUND_AGAIN = 0.6           # the same for a lost track
+NEVER = 2.0                 # the same, above any share, so that no track is confirmed
+# Least score of a reported track, relative to min_score: of a new one, and of one reported in the
+# last frame (hysteresis).
+SURER, LESS = 2.0, -3.0
+CLOSER = 0.7                # largest distance of a hidden track, as a share of min_distance
+PATIENCE = 60               # frames for which a lost track is kept that was established
+ESTABLISHED = 3             # frames in which a track must have been reported to be established
+YOUNG = 5                   # frames for which other lost tracks are kept
+FORGOTTEN = 1.0             # score below which a track ends
+RECENT = 0.9                # weight of the past in running means over frames
+COVERED = 0.5               # least share of a track's chord with arcs on it, to be detected
+FEW = 0.25                  # arcs per track: with fewer, a frame is empty, not another scene
 
 
 class Tracker:
@@ -40,7 +48,7 @@ class Tracker:
     """
 
     def __init__(self, parameters: Parameters | None = None) -> None:
-        """Take the parameters of the detector (None: the defaults)."""
+        """Begin without tracks, with the parameters of the detector (None: the defaults)."""
         self._detector = Detector(parameters)
         self._next = 1
         self._shape: tuple[int, int] | None = None
@@ -74,13 +82,14 @@ class Tracker:
         Parameters
         ----------
         gray, mask, lens
-            As of :meth:`Detector.detect`.  A frame of another size begins anew; identities go on.
+            As of :meth:`Detector.detect`.  A frame of another size ends all tracks; the identities
+            of new ones continue the count.
 
         Returns
         -------
-        Arcs with a table of dtype :data:`arcs.TRACKED_TABLE`: identities are unique in the frame,
-        and keep their direction of travel.  ``edge_points`` of a followed arc are the edges on its
-        normals, a few px apart.
+        Arcs with a table of dtype :data:`arcs.TRACKED_TABLE`.  An identity is unique in the frame,
+        and its arc keeps the direction of travel over frames.  The ``edge_points`` of an arc that
+        was measured are the edges on its normals, a few px apart.
 
         Raises
         ------
@@ -101,7 +110,7 @@ class Tracker:
         confirmed = self._follow(image, len(detected))
         fate = self._compare(rows, confirmed, detected)
         self._remember(rows, confirmed)
-        self._bear(detected, fate == NEW)
+        self._begin_tracks(detected, fate == NEW)
         return self._report(image)
 
     def _start(self, shape: tuple[int, int]) -> None:
@@ -127,7 +136,7 @@ class Tracker:
         return rows[:, state.SUPPORT] >= needed
 
     def _compare(self, rows: np.ndarray, confirmed: np.ndarray, detected: Arcs) -> np.ndarray:
-        """Compare detected arcs with the confirmed tracks; return what becomes of each."""
+        """Associate detected arcs with the confirmed tracks; return the class of each arc."""
         self._chart[:] = NOBODY
         chords = np.hypot(rows[:, state.END] - rows[:, state.START],
                           rows[:, state.END + 1] - rows[:, state.START + 1])
@@ -155,7 +164,7 @@ class Tracker:
         return fate
 
     def _remember(self, rows: np.ndarray, confirmed: np.ndarray) -> None:
-        """Count the frames in which tracks were seen and lost; forget those lost too long."""
+        """Count frames reported and lost of each track; remove tracks lost for too long."""
         rows[:, state.CONFIRMED] = confirmed
         least = self.parameters.min_score + np.where(rows[:, state.REPORTED], LESS, SURER)
         rows[:, state.REPORTED] = confirmed & (rows[:, state.SCORE] >= least)
@@ -168,8 +177,8 @@ class Tracker:
             self._points[:len(kept)] = kept
             self._tracks.keep(wanted)
 
-    def _bear(self, detected: Arcs, new: np.ndarray) -> None:
-        """Let a track begin with each of some arcs."""
+    def _begin_tracks(self, detected: Arcs, new: np.ndarray) -> None:
+        """Begin a track with each arc that ``new``, (N,) bool, marks."""
         chosen = np.flatnonzero(new)[:state.MOST - self._tracks.count]
         arcs = detected.table[chosen]
         rows = _rows_of(arcs)
@@ -189,7 +198,7 @@ class Tracker:
         self._tracks.add(rows)
 
     def _identities(self, count: int) -> np.ndarray:
-        """Return new identities; after the last one they begin again, but for those alive."""
+        """Return new identities: after LAST_IDENTITY again from 1, without those in use."""
         alive = set(self._tracks.rows[:, state.IDENTITY].astype(np.int64).tolist())
         chosen: list[int] = []
         while len(chosen) < count:

@@ -1,4 +1,4 @@
-"""Two arcs that lie on one curve, as one."""
+"""The union of a track and an arc on the same curve."""
 from __future__ import annotations
 
 import numpy as np
@@ -7,8 +7,10 @@ from qflsd_ros.core.compilation import compiled, inlined
 from qflsd_ros.core.tracking import curve
 from qflsd_ros.core.tracking.state import END, MIDDLE, START
 
-LONGER = 3.0        # px, at least, by which an arc lengthens a track
-ALIGNED = 1.2       # px, by which the shorter of an arc and a track may lie off the longer
+LONGER = 3.0        # px, least growth of a track by an arc; chosen, not tuned
+# px, largest distance of the shorter of arc and track from the curve of the longer; chosen, not
+# tuned.
+ALIGNED = 1.2
 
 
 @inlined
@@ -24,7 +26,7 @@ def _aligned(longer: np.ndarray, i: int, shorter: np.ndarray, j: int) -> bool:
 
 @inlined
 def _reach(arc: curve.Curve, rows: np.ndarray, i: int) -> tuple[float, float]:
-    """Return from which share of the half chord of a curve to which an arc reaches."""
+    """Return the extent of an arc along the chord of a curve, in half chords from its middle."""
     a, _ = curve.place(arc, rows[i, START], rows[i, START + 1])
     b, _ = curve.place(arc, rows[i, END], rows[i, END + 1])
     return min(a, b), max(a, b)
@@ -32,7 +34,13 @@ def _reach(arc: curve.Curve, rows: np.ndarray, i: int) -> tuple[float, float]:
 
 @compiled
 def lengthen(rows: np.ndarray, track: int, arcs: np.ndarray, i: int, forwards: bool) -> bool:
-    """Let a track reach as far as an arc that lies on it; return whether it could."""
+    """
+    Extend a track to the ends of an arc on the same curve.
+
+    The curve is that of the longer one.  The arc is row i of ``arcs``; ``forwards`` is False if it
+    travels against the track.  Returns False, and changes nothing, if both are not on one curve or
+    their union turns by half a turn.
+    """
     old, new = curve.curve(rows, track), curve.curve(arcs, i)
     by_new = new[4] > old[4]
     if by_new:

@@ -1,8 +1,8 @@
 """
-The common translation of tracks, by votes.
+The common translation of tracks, by a Hough transform.
 
-An edge at the distance d along the normal n of a track speaks for all translations u with
-n.u = d: a line in the plane of translations, into whose cells it votes (Hough, 1962).
+An edge at the distance d along the normal n of a track is consistent with all translations u with
+n.u = d: a line in the plane of translations.  It votes for each cell of that line (Hough, 1962).
 """
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from qflsd_ros.core.tracking.looks import NX, NY
 
 @compiled
 def _enter(votes: np.ndarray, nx: float, ny: float, d: float) -> None:
-    """Let an edge vote for the translations along its line."""
+    """Add the votes of an edge along its line."""
     reach = len(votes) // 2
     if abs(nx) >= abs(ny):
         for j in range(-reach, reach + 1):
@@ -34,7 +34,7 @@ def _enter(votes: np.ndarray, nx: float, ny: float, d: float) -> None:
 def translation(looks: np.ndarray, found: np.ndarray, counts: np.ndarray, n: int,
                 votes: np.ndarray) -> tuple[float, float, float]:
     """
-    Return the translation that most normals agree on, px, and their share.
+    Return the translation x, y with the most votes, px, and its votes per normal.
 
     Parameters
     ----------
