@@ -14,11 +14,12 @@ Coordinates are px; (0, 0) is the centre of the top-left pixel, x points right, 
 from qflsd_ros.core.arcs import Arcs
 from qflsd_ros.core.detector import Detector
 from qflsd_ros.core.geometry.attitude import Attitude, estimate_attitude
+from qflsd_ros.core.geometry.attitude_tracker import AttitudeTracker
 from qflsd_ros.core.lens.division import DivisionModel, rectified
 from qflsd_ros.core.lens.estimation import estimate_distortion, LensEstimate, with_straightness
 from qflsd_ros.core.parameters import Parameters
 from qflsd_ros.core.tracking.tracker import Tracker
 
-__all__ = ['Arcs', 'Attitude', 'Detector', 'DivisionModel', 'LensEstimate', 'Parameters',
-           'Tracker', 'estimate_attitude', 'estimate_distortion', 'rectified',
+__all__ = ['Arcs', 'Attitude', 'AttitudeTracker', 'Detector', 'DivisionModel', 'LensEstimate',
+           'Parameters', 'Tracker', 'estimate_attitude', 'estimate_distortion', 'rectified',
            'with_straightness']

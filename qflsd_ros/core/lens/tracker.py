@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from qflsd_ros.core.arcs import Arcs
+from qflsd_ros.core.averaging import Average, TINY
 from qflsd_ros.core.lens.estimation import estimate_from, LensEstimate
 from qflsd_ros.core.lens.observation import COLUMNS, informative, NORMAL, observe, POINT
 
@@ -35,7 +36,6 @@ KNOWN = 0.5
 # Mahalanobis distance from which on a frame is an outlier, for lambda alone (1 unknown) and with
 # the centre (3 unknowns): normally distributed errors exceed either once in 16000 frames.
 DEVIATIONS = {1: 4.0, 3: 4.7}
-TINY = 1e-12            # lower bound of divisors, far below any variance that occurs
 # Successive outliers after which the lens is taken to have changed: half a second at 30 Hz, since
 # every frame is evaluated after an outlier.
 PATIENCE = 15
@@ -74,11 +74,7 @@ class LensTracker:
         self._alone = False         # whether a single frame has determined the lens
         # Observations of frames that have not.
         self._waiting = np.empty((0, COLUMNS))
-        # Running sums and means for lambda and the centre's x and y, (3,) each: sum of the weights
-        # and of their squares; mean; mean variance of the frames; scatter of the frames about the
-        # mean; mean squared difference of successive frames; the last frame.
-        self._weight = self._squares = self._mean = np.zeros(3)
-        self._variance = self._scatter = self._steps = self._last = np.zeros(3)
+        self._average = Average(3, MEMORY)      # of lambda and the centre's x and y
 
     def add(self, arcs: Arcs, shape: tuple[int, int]) -> None:
         """
@@ -118,7 +114,7 @@ class LensTracker:
             self._forget(shape)
         self._contrary = 0
         self._alone |= alone
-        self._average(frame)
+        self._take(frame)
 
     def _is_new_view(self, seen: np.ndarray) -> bool:
         """
@@ -145,41 +141,16 @@ class LensTracker:
         covariance = (frame.covariance + self.estimate.covariance)[:free, :free]
         return bool(off @ np.linalg.solve(covariance, off) > DEVIATIONS[free] ** 2)
 
-    def _average(self, frame: LensEstimate) -> None:
-        """Update the running means of lambda and centre, of their variance and scatter."""
-        values, deviations = _values(frame), np.sqrt(np.diag(frame.covariance))
-        weights = 1 / np.maximum(deviations, TINY) ** 2
-        first, keep = not self._weight.any(), 1 - 1 / MEMORY
-        self._weight = keep * self._weight + weights
-        self._squares = keep ** 2 * self._squares + weights ** 2
-        share, off = weights / self._weight, values - self._mean
-        self._mean = self._mean + share * off
-        self._variance = self._variance + share * (deviations ** 2 - self._variance)
-        if not first:
-            self._scatter = (1 - share) * (self._scatter + share * off ** 2)
-            self._steps = self._steps + share * ((values - self._last) ** 2 - self._steps)
-        self._last = values
-        model = replace(frame.model, lam=float(self._mean[0]),
-                        centre=tuple(self._mean[1:].tolist()) if self._centre else None)
+    def _take(self, frame: LensEstimate) -> None:
+        """Average lambda and centre of a frame with those before."""
+        deviations = np.sqrt(np.diag(frame.covariance))
+        self._average.add(_values(frame), deviations)
+        lam, *centre = self._average.mean.tolist()
+        model = replace(frame.model, lam=lam, centre=tuple(centre) if self._centre else None)
         # The correlations are those of the newest frame.
-        scale = self._deviations() / np.maximum(deviations, TINY)
+        scale = self._average.deviations() / np.maximum(deviations, TINY)
         self.estimate = replace(frame, model=model,
                                 covariance=frame.covariance * np.outer(scale, scale))
-
-    def _deviations(self) -> np.ndarray:
-        """
-        Return the standard deviations of lambda and of the centre's x and y: (3,).
-
-        Frames of the same scene have errors in common.  These are the part of the frames' variance
-        that their scatter does not show, and do not fall with the number of frames.  The scatter
-        falls with the effective number of frames, which accounts for the weights and for the
-        correlation of successive frames (first-order autoregression).
-        """
-        common = np.maximum(self._variance - self._scatter, 0)
-        correlation = 1 - self._steps / np.maximum(2 * self._scatter, TINY)
-        correlation = np.clip(correlation, 0, 0.99)     # below 1, which would leave no frame
-        number = self._weight ** 2 / self._squares * (1 - correlation) / (1 + correlation)
-        return np.sqrt(common + self._scatter / np.maximum(number, 1))
 
 
 def _values(estimate: LensEstimate) -> np.ndarray:
