@@ -51,6 +51,7 @@ MAX_FOCAL_STD, MAX_UP_STD = 0.07, math.radians(3.0)
 SHARED_FOCAL, SHARED_FOCAL_LENS = 0.04, 0.18
 SHARED_UP, SHARED_UP_LENS = math.radians(1.1), math.radians(2.4)
 
+
 @dataclass(frozen=True)
 class Attitude:
     """

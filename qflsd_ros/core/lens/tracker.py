@@ -145,8 +145,8 @@ class LensTracker:
         """Average lambda and centre of a frame with those before."""
         deviations = np.sqrt(np.diag(frame.covariance))
         self._average.add(_values(frame), deviations)
-        lam, *centre = self._average.mean.tolist()
-        model = replace(frame.model, lam=lam, centre=tuple(centre) if self._centre else None)
+        lam, x, y = self._average.mean.tolist()
+        model = replace(frame.model, lam=lam, centre=(x, y) if self._centre else None)
         # The correlations are those of the newest frame.
         scale = self._average.deviations() / np.maximum(deviations, TINY)
         self.estimate = replace(frame, model=model,

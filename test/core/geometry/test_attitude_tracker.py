@@ -40,7 +40,8 @@ def test_axes_keep_order_and_sign_over_a_whole_turn():
 
 
 @settings(max_examples=50, deadline=None, suppress_health_check=list(HealthCheck))
-@given(strategies.permutations(range(3)), strategies.tuples(*[strategies.sampled_from((-1, 1))] * 3),
+@given(strategies.permutations(range(3)),
+       strategies.tuples(*[strategies.sampled_from((-1, 1))] * 3),
        strategies.floats(-0.6, 0.6), strategies.floats(-0.3, 0.3))
 def test_matching_undoes_any_order_and_signs(order, signs, yaw, pitch):
     last = turned(0.2, 0.1, 0.0)
