@@ -59,8 +59,8 @@ class Average:
         """
         Return the standard deviations of the mean, (n,).
 
-        Frames of the same scene have errors in common.  These are the part of the frames' variance
-        that their scatter does not show, and do not fall with the number of frames.  The scatter
+        The part of the frames' variance that their scatter does not show is that of their common
+        errors, and does not fall with the number of frames.  The scatter
         falls with the effective number of frames, which accounts for the weights and for the
         correlation of successive frames (first-order autoregression).
         """

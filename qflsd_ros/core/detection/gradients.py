@@ -19,7 +19,8 @@ from qflsd_ros.core.compilation import compiled, inlined
 
 # Units of dx and dy for a step of one grey level: the largest, 2 GAIN 255, fits into 16 bits.
 GAIN = 64
-REACH = 1.6     # standard deviations of a Gaussian within its kernel, at each side
+# Standard deviations of a Gaussian within its kernel, at each side, at least; chosen, not tuned.
+REACH = 1.6
 
 
 class Rows(NamedTuple):

@@ -88,9 +88,10 @@ def fill(rows: np.ndarray, chosen: np.ndarray, parts: np.ndarray, table: np.ndar
         table[k, POLARITY], table[k, BENT] = rows[i, state.POLARITY], 1.0
 
 
-def arcs(rows: np.ndarray, chosen: np.ndarray, parts: np.ndarray, points: np.ndarray) -> Arcs:
+def arcs(rows: np.ndarray, chosen: np.ndarray, parts: np.ndarray, points: np.ndarray,
+         min_length: float) -> Arcs:
     """
-    Return some tracks as arcs.
+    Return some tracks as arcs, and count this image in their age.
 
     Parameters
     ----------
@@ -98,6 +99,8 @@ def arcs(rows: np.ndarray, chosen: np.ndarray, parts: np.ndarray, points: np.nda
         As of :func:`fill`.
     points
         (M, ..., 2) float64, the edges that support each track, px.
+    min_length
+        Tracks whose part in sight is shorter are left out, px.
 
     Returns
     -------
@@ -106,6 +109,9 @@ def arcs(rows: np.ndarray, chosen: np.ndarray, parts: np.ndarray, points: np.nda
     """
     filled = np.zeros((len(chosen), COLUMNS))
     fill(rows, chosen, parts, filled)
+    is_long = filled[:, LENGTH] >= min_length
+    chosen, filled = chosen[is_long], filled[is_long]
+    rows[chosen, state.AGE] += 1
     plain = filled.view(TABLE)[:, 0]
     table = np.empty(len(chosen), TRACKED_TABLE)
     for name in TABLE.names or ():

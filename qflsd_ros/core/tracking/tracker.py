@@ -105,7 +105,7 @@ class Tracker:
         image = self._detector.frame
         if image is None:
             return report.arcs(np.zeros((0, state.COLUMNS)), np.zeros(0, np.int64),
-                               np.zeros((0, 2)), np.zeros((0, MOST, 2)))
+                               np.zeros((0, 2)), np.zeros((0, MOST, 2)), self.parameters.min_length)
         rows = self._tracks.rows
         confirmed = self._follow(image, len(detected))
         fate = self._compare(rows, confirmed, detected)
@@ -168,9 +168,9 @@ class Tracker:
         rows[:, state.CONFIRMED] = confirmed
         least = self.parameters.min_score + np.where(rows[:, state.REPORTED], LESS, SURER)
         rows[:, state.REPORTED] = confirmed & (rows[:, state.SCORE] >= least)
-        rows[:, state.AGE] += rows[:, state.REPORTED] > 0
         rows[:, state.LOST] = np.where(confirmed, 0, rows[:, state.LOST] + 1)
-        patience = np.where(rows[:, state.AGE] >= ESTABLISHED, PATIENCE, YOUNG)
+        patience = np.where(rows[:, state.AGE] + rows[:, state.REPORTED] >= ESTABLISHED,
+                            PATIENCE, YOUNG)
         wanted = (rows[:, state.LOST] <= patience) & (rows[:, state.SCORE] >= FORGOTTEN)
         if not wanted.all():
             kept = self._points[:len(rows)][wanted]
@@ -186,7 +186,7 @@ class Tracker:
         rows[:, state.IDENTITY] = self._identities(len(chosen))
         rows[:, state.DETECTED] = rows[:, state.CONFIRMED] = 1
         sure = arcs['score'] >= self.parameters.min_score + SURER
-        rows[:, state.REPORTED] = rows[:, state.AGE] = sure
+        rows[:, state.REPORTED] = sure
         rows[:, state.FIRST], rows[:, state.LAST] = -1, 1
         # Of each arc as many points, evenly from the first to the last, as there is room for.
         last = np.minimum(np.arange(MOST), rows[:, [state.EDGES]] - 1)
@@ -213,7 +213,7 @@ class Tracker:
         chosen = np.flatnonzero(rows[:, state.REPORTED])
         parts = np.empty((len(rows), 2))
         report.in_sight(image, rows, chosen, parts)
-        return report.arcs(rows, chosen, parts, self._points)
+        return report.arcs(rows, chosen, parts, self._points, self.parameters.min_length)
 
 
 def _rows_of(table: np.ndarray) -> np.ndarray:

@@ -211,3 +211,24 @@ print(before, signatures())
                           capture_output=True, text=True).stdout
     before, after = map(int, said.split())
     assert 20 < before == after
+
+
+def test_min_length_holds_for_tracks_that_are_followed_already():
+    tracker, images = Tracker(), frames(12)
+    for image in images[:6]:
+        arcs = tracker.track(image)
+    assert (arcs.table['length'] < 40).any()
+    tracker.parameters = Parameters(min_length=40)
+    for image in images[6:]:
+        after = tracker.track(image)
+        assert len(after) > 5 and (after.table['length'] >= 40).all()
+    assert identities(after) & identities(arcs)
+
+
+def test_age_is_the_number_of_frames_with_the_track():
+    tracker, times = Tracker(), {}
+    for image in frames(15):
+        for track, age in tracker.track(image).table[['track', 'age']].tolist():
+            times[track] = times.get(track, 0) + 1
+            assert age == times[track]
+    assert max(times.values()) >= 10
