@@ -105,7 +105,8 @@ class Tracker:
         image = self._detector.frame
         if image is None:
             return report.arcs(np.zeros((0, state.COLUMNS)), np.zeros(0, np.int64),
-                               np.zeros((0, 2)), np.zeros((0, MOST, 2)), self.parameters.min_length)
+                               np.zeros((0, 2)), np.zeros((0, MOST, 2)),
+                               self.parameters.min_length)
         rows = self._tracks.rows
         confirmed = self._follow(image, len(detected))
         fate = self._compare(rows, confirmed, detected)
