@@ -20,7 +20,7 @@ FOLDER = Path(__file__).parent
 CORE = FOLDER.parent / 'qflsd_ros' / 'core'
 # Modules whose constants decide what is detected, in the order of the stages.
 MODULES = ('detector', 'detection/frame', 'detection/region', 'detection/noise',
-           'detection/thresholds', 'detection/edges', 'detection/chains', 'circle',
+           'detection/thresholds', 'detection/gradients', 'detection/chains', 'circle',
            'detection/extraction', 'detection/grid', 'detection/agreement', 'detection/joining',
            'detection/validation', 'detection/extension', 'detection/suppression',
            'detection/refinement', 'lens/estimation', 'lens/tracker')
