@@ -85,6 +85,22 @@ def colours(numbers: np.ndarray) -> np.ndarray:
     return np.rint(cv2.cvtColor(hsv, cv2.COLOR_HSV2BGR)[:, 0] * 255).astype(np.uint8)
 
 
+# Colours of directions, B, G, R: up, two horizontal axes, further horizontal ones; and of none.
+DIRECTIONS = np.array([(255, 96, 32), (48, 48, 255), (48, 208, 48), (0, 208, 255),
+                       (255, 64, 224), (224, 224, 0), (144, 144, 144)], np.uint8)
+
+
+def direction_colours(arcs: Arcs) -> np.ndarray:
+    """
+    Return the colour of the direction of each arc: (M, 3) uint8, B, G, R.
+
+    It is blue for vertical ones, red and green for the horizontal axes, grey for none.
+    """
+    names = arcs.table.dtype.names or ()
+    labels = arcs.table['direction'] if 'direction' in names else np.full(len(arcs), -1)
+    return DIRECTIONS[labels]
+
+
 def draw(image: np.ndarray, arcs: Arcs, line_width: int = 1,
          tails: Tails = NO_TAILS) -> np.ndarray:
     """

@@ -23,7 +23,7 @@ SEGMENT_POINT = np.dtype([('x', '<f4'), ('y', '<f4'), ('z', '<f4'), ('segment', 
 ARC = np.dtype([('x', '<f4'), ('y', '<f4'), ('z', '<f4')] + [
     (name, f'<{column.dtype.kind}4')
     for name, column in with_straightness(Arcs.empty(), None).columns().items()]
-    + [('track', '<u4'), ('age', '<u4'), ('held', '<u4')])
+    + [('track', '<u4'), ('age', '<u4'), ('held', '<u4'), ('direction', '<i4')])
 
 # A plane: its normal, the upper triangle of its covariance row by row, and the number of its arc.
 COVARIANCE = ('xx', 'xy', 'xz', 'yy', 'yz', 'zz')
@@ -80,11 +80,11 @@ def of_arcs(arcs: Arcs) -> np.ndarray:
     """
     Return a record for each arc: (M,) of :data:`ARC`.
 
-    Where the table does not have these columns, ``straight`` is nan, and ``track``, ``age`` and
-    ``held`` are 0.
+    Where the table does not have these columns, ``straight`` is nan, ``track``, ``age`` and
+    ``held`` are 0, and ``direction`` is -1.
     """
     rows = np.zeros(len(arcs), ARC)
-    rows['straight'] = np.nan
+    rows['straight'], rows['direction'] = np.nan, -1
     for name, column in arcs.columns().items():
         rows[name] = column
     rows['x'], rows['y'] = arcs.table['middle'].T

@@ -12,10 +12,13 @@ import time
 import traceback
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from qflsd_ros.core import Parameters, Tracker
+from qflsd_ros.core import Attitude, Parameters, Tracker
+from qflsd_ros.core.geometry import solution
 from qflsd_ros.core.lens import estimation
+from qflsd_ros.ros.attitude import CameraAttitude
+from qflsd_ros.ros.calibration import calibrated, CalibrationWatch
 from qflsd_ros.ros.diagnostics import Statistics
-from qflsd_ros.ros.finding import FrameSequence
+from qflsd_ros.ros.finding import FrameSequence, Seen
 from qflsd_ros.ros.input.region import read_mask
 from qflsd_ros.ros.input.slot import Slot
 from qflsd_ros.ros.input.subscriptions import CalibrationSubscription, Frame, ImageSubscription
@@ -63,6 +66,7 @@ class DetectorNode(Node):
         self._slot: Slot[Frame] = Slot()
         self._sequence = FrameSequence()
         self._tracks = TrackStatistics()
+        self._attitude, self._watch = CameraAttitude(), CalibrationWatch()
         self._outputs = Publishers(self, self._follow_subscribers)
         self._diagnostics = advertise(self, DiagnosticArray, '/diagnostics')
         self._transport = TRANSPORTS[self._active[1].image_transport]
@@ -73,7 +77,7 @@ class DetectorNode(Node):
         self.create_timer(DIAGNOSTICS_PERIOD, self._diagnose,
                           clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._worker = Thread(target=self._work, name='detection', daemon=True)
-        self._kernels = Kernels(self, 'qflsd_ros.core', _warm_up, self._begin)
+        self._kernels = Kernels(self, 'qflsd_ros.core', self._warm_up, self._begin)
         self._follow_subscribers()
 
     def run(self) -> None:
@@ -110,7 +114,8 @@ class DetectorNode(Node):
         """Subscribe to the camera only while the results have a subscription."""
         wanted = self._outputs.wanted() if self._kernels.ready else []
         self._images.follow(bool(wanted))
-        self._calibration.follow(any(calibration in output.needs for output in wanted))
+        self._calibration.follow(any(calibration in output.needs for output in wanted)
+                                 or bool(wanted) and self._active[1].attitude)
 
     def _receive(self, frame: Frame) -> None:
         self._statistics.arrived()
@@ -134,12 +139,24 @@ class DetectorNode(Node):
         # Lens and tracks follow every frame, also for subscribers that need neither, because
         # detection uses both.
         seen = self._sequence.find(gray, parameters, settings)
+        attitude = self._follow_attitude(seen, gray.shape, settings)
+        focal = self._attitude.focal
         result = Result(header, gray, seen.arcs, settings, seen.model, seen.tails,
-                        self._calibration.newest, self._calibration.topic)
+                        self._calibration.newest, self._calibration.topic,
+                        attitude, self._attitude.reason, focal and focal[0])
         for reason, text in self._outputs.publish(result).items():
             self._reject(reason, text)
         self._statistics.done(time.monotonic() - frame.arrival, self._age(header), len(seen.arcs))
         self._tracks.follow(seen.arcs)
+
+    def _follow_attitude(self, seen: Seen, shape: tuple[int, int], settings: Settings
+                         ) -> Attitude | None:
+        """Return the attitude, and watch the calibration; nothing is done while it is off."""
+        if settings.attitude:
+            self._watch.follow(seen.arcs, shape, seen.model,
+                               calibrated(self._calibration, shape))
+        lens = self._sequence.lens.estimate(settings) or seen.model
+        return self._attitude.follow(seen.arcs, shape, settings, lens, self._watch.camera)
 
     def _age(self, header: Header) -> float:
         """Return the time in s since the stamp of a header, on the clock of the node."""
@@ -158,23 +175,36 @@ class DetectorNode(Node):
 
     def _diagnose(self) -> None:
         """Publish a report on the frames since the last call on /diagnostics."""
+        self._follow_subscribers()      # a parameter may need camera_info by now
         settings = self._active[1]
         status = DiagnosticStatus(name=f'{self.get_fully_qualified_name()}: detection',
                                   hardware_id=settings.hardware_id or self._images.topic)
         self._statistics.report(status, bool(self._images), settings.max_age)
         if compiling := self._kernels.compiling:
             status.level, status.message = DiagnosticStatus.WARN, compiling
-        values = self._tracks.take() | self._sequence.lens.values(settings)
+        values = self._tracks.take() | self._sequence.lens.values(settings) \
+            | self._attitude.values(settings)
         status.values += [KeyValue(key=key, value=value) for key, value in values.items()]
-        message = DiagnosticArray(status=[status])
+        message = DiagnosticArray(status=[status, *self._calibration_status(settings)])
         message.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(message)
 
+    def _warm_up(self) -> None:
+        """Load or compile all kernels that the node uses."""
+        Tracker().warm_up()
+        estimation.warm_up()
+        if self._active[1].attitude:
+            solution.warm_up()
 
-def _warm_up() -> None:
-    """Load or compile all kernels that the node uses."""
-    Tracker().warm_up()
-    estimation.warm_up()
+    def _calibration_status(self, settings: Settings) -> list[DiagnosticStatus]:
+        """Return the status of the calibration, in a list: none while nobody watches it."""
+        if not settings.attitude or not self._calibration:
+            return []
+        level, text, values = self._watch.verdict(settings, self._attitude.focal)
+        return [DiagnosticStatus(
+            name=f'{self.get_fully_qualified_name()}: calibration', level=level, message=text,
+            hardware_id=settings.hardware_id or self._images.topic,
+            values=[KeyValue(key=key, value=value) for key, value in values.items()])]
 
 
 def main() -> int:

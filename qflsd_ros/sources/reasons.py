@@ -37,6 +37,9 @@ class Reason(Enum):
                          'another size; the log names both')
     BAD_CALIBRATION = ('camera_info of no use', 'the same: its model is unknown, or its numbers '
                        'belong to no camera; the log says which')
+    NO_ATTITUDE = ('no attitude', 'no `~/attitude` and `~/gravity` for this image: parameter '
+                   '`attitude` is false, or its arcs do not show [up](attitude.md); the log says '
+                   'why')
     INTERNAL = ('internal error', 'an error of this package; the log has the traceback: please '
                 'report it')
 

@@ -8,6 +8,7 @@ from typing import Any, TYPE_CHECKING
 
 import cv2
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import Vector3Stamped
 import numpy as np
 from qflsd_ros.core import Detector
 from qflsd_ros.ros.output import clouds
@@ -15,7 +16,7 @@ from qflsd_ros.ros.parameters.node_parameters import Settings
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter as RosParameter
 from rclpy.qos import qos_profile_sensor_data, QoSProfile
-from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image, Imu, PointCloud2
 from visualization_msgs.msg import MarkerArray
 
 if TYPE_CHECKING:
@@ -23,7 +24,8 @@ if TYPE_CHECKING:
 
 NODE = ('-m', 'qflsd_ros.ros', 'detector', '--ros-args')
 TYPES = {'segments': PointCloud2, 'arcs': PointCloud2, 'markers': MarkerArray, 'overlay': Image,
-         'planes': PointCloud2, 'camera_info': CameraInfo, 'rectified': PointCloud2}
+         'planes': PointCloud2, 'camera_info': CameraInfo, 'rectified': PointCloud2,
+         'attitude': Imu, 'gravity': Vector3Stamped}
 COUNTS = ('frames', 'frames lost', 'frames dropped', 'frames bad')
 stamps = itertools.count(1000)
 

@@ -173,6 +173,19 @@ def estimate_attitude(arcs: Arcs, shape: tuple[int, int],
     return found
 
 
+def with_directions(arcs: Arcs, attitude: Attitude | None) -> Arcs:
+    """
+    Return the arcs with another column, ``direction``: int64.
+
+    It is the label of the arc in the attitude, -1 for none and without an attitude.
+    """
+    table = np.empty(len(arcs), np.dtype(arcs.table.dtype.descr + [('direction', np.int64)]))
+    for name in arcs.table.dtype.names or ():
+        table[name] = arcs.table[name]
+    table['direction'] = -1 if attitude is None else attitude.labels
+    return replace(arcs, table=table)
+
+
 def direction(up_hint: tuple[float, float, float]) -> np.ndarray:
     """Return the hint as (3,) float64; ValueError if it has no direction."""
     if not 0 < math.hypot(*up_hint) < math.inf:

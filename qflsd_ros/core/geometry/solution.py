@@ -10,10 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from qflsd_ros.core.geometry.great_circles import DEVIATION, lines
+from qflsd_ros.core.geometry.great_circles import COLUMNS, DEVIATION, lines
 from qflsd_ros.core.geometry.refinement import (
     CENTRE, Fit, LAMBDA, LOG_FOCAL, MU, Prior, refine, scale)
-from qflsd_ros.core.geometry.vanishing import FOCALS, frames, NONE, shares, vanishing_points
+from qflsd_ros.core.geometry.vanishing import (
+    FOCALS, frames, horizontal, NONE, shares, vanishing_points)
 
 # Prior of ln f in half diagonals: usual lenses, far from excluding any.
 LOG_FOCAL_MEAN, LOG_FOCAL_STD = math.log(1.5), 1.0
@@ -110,6 +111,17 @@ def solve(seen: np.ndarray, prior: Prior, starts: list[np.ndarray]) -> Solution:
     if not fits:
         raise Unobservable('the optical centre of all axes is far from the distortion centre')
     return Solution(fits, seen, factor, prior)
+
+
+def warm_up() -> None:
+    """Compile the kernels, or load them from the cache, before the first frame comes."""
+    seen, prior = np.empty((0, COLUMNS)), prior_of(0.0, 1.0, None)
+    rows = lines(seen, 0.0, 0.0)
+    _starts(rows, FOCALS, 0.0)
+    state = np.concatenate([np.eye(3).ravel(), np.zeros(5)])
+    scale(seen, refine(seen, state, prior, 1))
+    shares(rows, np.eye(3))
+    horizontal(rows, np.eye(3), np.eye(3))
 
 
 def _stretch(lam: float) -> float:

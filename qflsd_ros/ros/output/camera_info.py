@@ -80,6 +80,12 @@ def binning(info: CameraInfo) -> tuple[int, int]:
     return info.binning_x or 1, info.binning_y or 1
 
 
+def uncalibrated(header: Header, model: DivisionModel) -> CameraInfo:
+    """Return the CameraInfo of a lens whose focal length is not known yet: K is 0."""
+    height, width = model.shape
+    return CameraInfo(header=header, height=height, width=width)
+
+
 def message(header: Header, model: DivisionModel, focal_length: float) -> CameraInfo:
     """
     Return the CameraInfo with which a rectifying node straightens images of a lens.

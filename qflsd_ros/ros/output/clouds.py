@@ -9,8 +9,10 @@ from __future__ import annotations
 from array import array
 
 import numpy as np
+from qflsd_ros import attitude_drawing as drawing
 from qflsd_ros import overlay
 from qflsd_ros.core.arcs import Arcs
+from qflsd_ros.core.geometry.attitude import Attitude
 from qflsd_ros.core.geometry.planes import Planes
 from qflsd_ros.core.lens.division import DivisionModel
 from qflsd_ros.records import (
@@ -45,9 +47,12 @@ def plane_records(header: Header, planes: Planes, arcs: Arcs) -> PointCloud2:
 
 
 def overlay_image(header: Header, gray: np.ndarray, arcs: Arcs, line_width: int,
-                  tails: overlay.Tails = overlay.NO_TAILS) -> Image:
-    """Return a grey frame, (H, W) uint8, with its arcs and tails drawn on it, as bgr8."""
+                  tails: overlay.Tails = overlay.NO_TAILS,
+                  attitude: Attitude | None = None) -> Image:
+    """Return a grey frame, (H, W) uint8, with arcs, tails and attitude drawn on it, as bgr8."""
     picture = overlay.draw(gray, arcs, line_width, tails)
+    if attitude is not None:
+        drawing.draw_attitude(picture, attitude, line_width)
     height, width, channels = picture.shape
     return Image(header=header, height=height, width=width, encoding='bgr8',
                  step=channels * width, data=_bytes(picture))

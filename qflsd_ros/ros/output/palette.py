@@ -23,7 +23,7 @@ SCALES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     'curvature': lambda table: _logarithm(np.abs(table['curvature']), 1e-5, 1e-2),  # 1/px
     'score': lambda table: _logarithm(table['score'], 1, 1000),
 }
-CHOICES = ('track', 'id', *SCALES)
+CHOICES = ('track', 'id', *SCALES, 'direction')
 
 
 def colours(arcs: Arcs, by: str) -> np.ndarray:
@@ -33,12 +33,14 @@ def colours(arcs: Arcs, by: str) -> np.ndarray:
     By ``track``, a line has the same colour in every frame; arcs without tracks have the colours
     of ``id``.  By ``id``, all colours of a frame differ.  By ``length`` (10 to 1000 px), absolute
     ``curvature`` (1e-5 to 1e-2 per px) or ``score`` (1 to 1000), they run from blue to red on a
-    logarithmic scale.
+    logarithmic scale.  By ``direction``, see :func:`qflsd_ros.overlay.direction_colours`.
     """
     if by == 'track':
         return overlay.colours(overlay.numbers(arcs))
     if by == 'id':
         return overlay.colours(np.arange(len(arcs)))
+    if by == 'direction':
+        return overlay.direction_colours(arcs)
     shade = np.clip(SCALES[by](arcs.table), 0, 1) * (STEPS - 1)
     return _ramp()[np.rint(shade).astype(np.intp)]
 

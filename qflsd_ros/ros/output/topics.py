@@ -10,18 +10,21 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Callable, NamedTuple
 
+from geometry_msgs.msg import Vector3Stamped
 import numpy as np
-from qflsd_ros.core import Arcs
+from qflsd_ros.core import Arcs, Attitude
+from qflsd_ros.core.geometry.attitude import with_directions
 from qflsd_ros.core.geometry.planes import planes
 from qflsd_ros.core.lens.camera_model import CameraModel
 from qflsd_ros.core.lens.division import DivisionModel
 from qflsd_ros.core.lens.estimation import with_straightness
 from qflsd_ros.overlay import Tails
+from qflsd_ros.ros import attitude as attitudes
 from qflsd_ros.ros import lens
-from qflsd_ros.ros.output import camera_info, clouds
+from qflsd_ros.ros.output import camera_info, clouds, orientation
 from qflsd_ros.ros.output.markers import markers
 from qflsd_ros.ros.parameters.node_parameters import Settings
-from sensor_msgs.msg import CameraInfo, Image, PointCloud2
+from sensor_msgs.msg import CameraInfo, Image, Imu, PointCloud2
 from std_msgs.msg import Header
 from visualization_msgs.msg import MarkerArray
 
@@ -49,6 +52,10 @@ class Result:
         The newest camera_info beside the image, None if there has been none.
     calibration_topic
         Name of its topic, for error messages.
+    attitude, no_attitude
+        The attitude, or None and the reason why.
+    focal
+        The focal length by the arcs, px; None while it is unknown.
 
     """
 
@@ -60,11 +67,14 @@ class Result:
     tails: Tails
     calibration: CameraInfo | None
     calibration_topic: str
+    attitude: Attitude | None = None
+    no_attitude: str = attitudes.OFF
+    focal: float | None = None
 
     @cached_property
     def arcs_with_straightness(self) -> Arcs:
-        """Return the arcs with the column ``straight``, computed once for all outputs."""
-        return with_straightness(self.arcs, self.model)
+        """Return the arcs with ``straight`` and ``direction``, computed once for all outputs."""
+        return with_directions(with_straightness(self.arcs, self.model), self.attitude)
 
 
 Need = Callable[[Result], Any]
@@ -78,6 +88,11 @@ def straightness(result: Result) -> Arcs:
 def distortion(result: Result) -> DivisionModel:
     """Return the distortion model of the lens; LensError while it is unknown."""
     return lens.required(result.model, result.settings)
+
+
+def attitude(result: Result) -> Attitude:
+    """Return the attitude with up; AttitudeError where the image does not show it."""
+    return attitudes.required(result.attitude, result.no_attitude)
 
 
 def calibration(result: Result) -> CameraModel:
@@ -123,16 +138,21 @@ def _arcs(result: Result, arcs: Arcs) -> PointCloud2:
 
 def _markers(result: Result) -> bytes:
     settings = result.settings
-    return markers(result.header, result.arcs, settings.polyline_tolerance,
+    arcs = with_directions(result.arcs, result.attitude)
+    return markers(result.header, arcs, settings.polyline_tolerance,
                    settings.metres_per_pixel, settings.line_width, settings.marker_colour)
 
 
 def _overlay(result: Result) -> Image:
     return clouds.overlay_image(
-        result.header, result.gray, result.arcs, result.settings.line_width, result.tails)
+        result.header, result.gray, result.arcs, result.settings.line_width, result.tails,
+        result.attitude if result.settings.draw_attitude else None)
 
 
 def _camera_info(result: Result, model: DivisionModel) -> CameraInfo:
+    if result.settings.focal == 'estimate':
+        return (camera_info.uncalibrated(result.header, model) if result.focal is None
+                else camera_info.message(result.header, model, result.focal))
     return camera_info.message(result.header, model, result.settings.focal_length)
 
 
@@ -144,6 +164,14 @@ def _planes(result: Result, camera: CameraModel) -> PointCloud2:
     return clouds.plane_records(result.header, planes(result.arcs, camera), result.arcs)
 
 
+def _attitude(result: Result, found: Attitude) -> Imu:
+    return orientation.imu(result.header, found)
+
+
+def _gravity(result: Result, found: Attitude) -> Vector3Stamped:
+    return orientation.gravity(result.header, found)
+
+
 OUTPUTS = (
     Output('~/segments', PointCloud2, _segments),
     Output('~/arcs', PointCloud2, _arcs, (straightness,)),
@@ -152,4 +180,6 @@ OUTPUTS = (
     Output('~/camera_info', CameraInfo, _camera_info, (distortion,)),
     Output('~/rectified', PointCloud2, _rectified, (straightness, distortion)),
     Output('~/planes', PointCloud2, _planes, (calibration,)),
+    Output('~/attitude', Imu, _attitude, (attitude,)),
+    Output('~/gravity', Vector3Stamped, _gravity, (attitude,)),
 )

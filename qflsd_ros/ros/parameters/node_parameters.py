@@ -9,6 +9,9 @@ from qflsd_ros.sources.encoded import MAX_PIXELS
 
 LENSES = ('off', 'estimate', 'fixed')
 MOST_TRAILS = 300       # images, ten seconds at 30 Hz; chosen, not tuned
+# Directions of the optical frame (x right, y down, z forward) by name.
+UP_HINTS = {'-y': (0.0, -1.0, 0.0), 'y': (0.0, 1.0, 0.0), '-x': (-1.0, 0.0, 0.0),
+            'x': (1.0, 0.0, 0.0), '-z': (0.0, 0.0, -1.0), 'z': (0.0, 0.0, 1.0)}
 
 
 @dataclass(frozen=True)
@@ -69,7 +72,8 @@ class Settings:
     marker_colour: str = parameter(
         'track', 'Meaning of the colours on ~/markers: track (a line keeps its colour; without '
         'tracking as id), id (a different colour for each arc of an image), length, curvature or '
-        'score (blue is low, red is high).', choices=palette.CHOICES)
+        'score (blue is low, red is high), or direction (by the axes of attitude).',
+        choices=palette.CHOICES)
     metres_per_pixel: float = parameter(
         0.01, 'Size of a pixel on ~/markers.', 'm', 0.0001, 1000.0)
     lens: str = parameter(
@@ -92,6 +96,23 @@ class Settings:
         0.0, 'Focal length at the centre of distortion, for ~/camera_info, because straight edges '
         'alone do not determine it; 0 selects half the image diagonal, or less for a fisheye.',
         'px', 0.0, 100000.0)
+    attitude: bool = parameter(
+        False, 'Estimate from the arcs which way is up, the axes of the place and the focal '
+        'length (~/attitude, ~/gravity, direction in ~/arcs). A calibrated camera_info beside the '
+        'images is used where there is one.')
+    up_hint: str = parameter(
+        '-y', 'About where up is in the optical frame (x right, y down, z forward) at first: -y, '
+        'y, -x, x, -z or z; up is the axis of the place closest to it.', choices=tuple(UP_HINTS))
+    focal: str = parameter(
+        'off', 'Focal length on ~/camera_info: off (focal_length, or a plausible one), estimate '
+        '(the true one by attitude, K is 0 until it is known) or fixed (focal_length is the true '
+        'one, which attitude uses too).', choices=LENSES)
+    draw_attitude: bool = parameter(
+        True, 'Draw horizon and axes of the place on ~/overlay while attitude is on.')
+    max_bend: float = parameter(
+        0.5, 'Diagnostics warn when arcs of straight edges stay bent by significantly more than '
+        'this after undistortion by the camera_info beside the images; 0 disables the warning. '
+        'Needs attitude.', 'px', 0.0, 100.0)
     max_age: float = parameter(
         0.5, 'Diagnostics warn when the median time from the stamp of an image to its results '
         'exceeds this; 0 disables the warning.', 's', 0.0, 3600.0)
@@ -110,6 +131,12 @@ class Settings:
 
 def check_together(parameters: Parameters, settings: Settings) -> None:
     """Raise ValueError if parameters of the detector and the node contradict each other."""
+    if settings.focal == 'estimate' and not settings.attitude:
+        raise ValueError("focal is 'estimate' and attitude is false: attitude must be true to "
+                         'estimate the focal length')
+    if settings.focal == 'fixed' and not settings.focal_length:
+        raise ValueError("focal is 'fixed' and focal_length is 0: focal_length must be the focal "
+                         'length in px')
     if parameters.method == 'paper' and settings.has_region:
         raise ValueError("method is 'paper': must be 'arcs' with a mask or a region of interest "
                          '(roi_x, roi_y, roi_width, roi_height), which the paper does not have')

@@ -5,12 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from qflsd_ros.core import Detector, DivisionModel
+from qflsd_ros.core import Attitude, Detector, DivisionModel
 from qflsd_ros.overlay import NO_TAILS
 from qflsd_ros.ros.input.subscriptions import calibration_topic
 from qflsd_ros.ros.output import clouds
 from qflsd_ros.ros.output.topics import (
-    calibration, distortion, Output, OUTPUTS, Result, straightness)
+    attitude, calibration, distortion, Output, OUTPUTS, Result, straightness)
 from qflsd_ros.ros.parameters.node_parameters import Settings
 from qflsd_ros.sources.frames import FrameError
 from rclpy.serialization import deserialize_message
@@ -18,11 +18,17 @@ from rig import SCENE
 from sensor_msgs.msg import CameraInfo
 from std_msgs.msg import Header
 
+# Of the scene there is none: one of its arcs points upwards, none of the others does.
+ATTITUDE = Attitude(
+    200.0, 1.0, np.array([0.0, -1, 0]), 0.01, np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]),
+    np.where(np.arange(len(Detector().detect(SCENE))) == 0, 0, -1),
+    DivisionModel(-0.2, SCENE.shape), 0.0,
+    np.array([[200.0, 0, 0], [0, 200.0, 0], [0, 0, 1]]))
 RESULT = Result(
     Header(frame_id='eye'), SCENE, Detector().detect(SCENE), Settings(),
     DivisionModel(-0.2, SCENE.shape), NO_TAILS,
     CameraInfo(height=240, width=320, distortion_model='plumb_bob', d=[0.0] * 5,
-               k=[200.0, 0, 160, 0, 200, 120, 0, 0, 1]), '/cam/camera_info')
+               k=[200.0, 0, 160, 0, 200, 120, 0, 0, 1]), '/cam/camera_info', ATTITUDE)
 every_output = pytest.mark.parametrize('output', OUTPUTS, ids=lambda output: output.topic[2:])
 
 
@@ -39,7 +45,8 @@ def test_messages_have_their_type_and_the_header_of_the_image(output: Output) ->
 @every_output
 def test_an_output_fails_only_without_what_it_needs(output: Output) -> None:
     for need, changes, reason in ((distortion, {'model': None}, 'no lens'),
-                                  (calibration, {'calibration': None}, 'no camera_info')):
+                                  (calibration, {'calibration': None}, 'no camera_info'),
+                                  (attitude, {'attitude': None}, 'no attitude')):
         result = replace(RESULT, **changes)
         if need in output.needs:
             with pytest.raises(FrameError) as caught:

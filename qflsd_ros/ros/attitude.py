@@ -1,0 +1,113 @@
+"""
+The live attitude of the camera, and its focal length; imports no ROS.
+
+Nothing is computed while the parameter ``attitude`` is off.
+"""
+from __future__ import annotations
+
+import math
+
+from qflsd_ros.core import Arcs, Attitude, AttitudeTracker
+from qflsd_ros.core.geometry.view import Lens
+from qflsd_ros.core.lens.camera_model import CameraModel
+from qflsd_ros.ros.parameters.node_parameters import Settings, UP_HINTS
+from qflsd_ros.sources.frames import FrameError
+from qflsd_ros.sources.reasons import Reason
+
+OFF = 'parameter attitude is false: must be true for ~/attitude and ~/gravity'
+
+
+class AttitudeError(FrameError):
+    """An output needs the attitude, which the image does not show."""
+
+
+class CameraAttitude:
+    """
+    Attitude and focal length of one camera, as far as they are known.
+
+    One thread may call :meth:`follow` while another one calls :meth:`values`.
+
+    Attributes
+    ----------
+    attitude
+        That of the last frame; None where its arcs do not show one, and while it is off.
+    reason
+        Why it is None.
+
+    """
+
+    def __init__(self) -> None:
+        self.attitude: Attitude | None = None
+        self.reason = OFF
+        self._hint = ''
+        self._restart('-y')
+
+    def _restart(self, hint: str) -> None:
+        """Begin anew where the hint has changed."""
+        if hint != self._hint:
+            self._hint = hint
+            # By the lens as the arcs show it, and by the calibration.
+            self._own, self._calibrated = (AttitudeTracker(UP_HINTS[hint]) for _ in range(2))
+
+    def follow(self, arcs: Arcs, shape: tuple[int, int], settings: Settings, lens: Lens,
+               calibration: CameraModel | None) -> Attitude | None:
+        """
+        Return the attitude of the next frame.
+
+        Parameters
+        ----------
+        arcs, shape
+            The arcs of the frame, and its (height, width).
+        settings
+            Whether attitude and focal length are wanted, and where up is about.
+        lens
+            The lens as the arcs show it, None while it is unknown.
+        calibration
+            The calibrated camera, None without one: it counts instead of the lens.  The focal
+            length by the arcs is estimated all the same.
+
+        """
+        if not settings.attitude:
+            self.attitude, self.reason = None, OFF
+            return None
+        self._restart(settings.up_hint)
+        tracker = self._own
+        focal = settings.focal_length if settings.focal == 'fixed' else None
+        tracker.add(arcs, shape, lens, focal)
+        if calibration is not None:
+            tracker = self._calibrated
+            tracker.add(arcs, shape, calibration)
+        self.attitude, self.reason = tracker.attitude, tracker.reason
+        return self.attitude
+
+    @property
+    def focal(self) -> tuple[float, float] | None:
+        """Return the focal length by the arcs and its deviation, px; None while unknown."""
+        return self._own.focal
+
+    def values(self, settings: Settings) -> dict[str, str]:
+        """Return the state as keys and values of diagnostics."""
+        if not settings.attitude:
+            return {}
+        attitude, focal = self.attitude, self.focal
+        values = {'attitude': self.reason if attitude is None else 'known'}
+        if attitude is not None and attitude.up is not None and attitude.up_std is not None:
+            x, y, z = attitude.up.tolist()
+            values |= {'roll (degrees)': f'{math.degrees(math.atan2(-x, -y)):.2f}',
+                       'pitch (degrees)': f'{math.degrees(math.asin(z)):.2f}',
+                       'up deviation (degrees)': f'{math.degrees(attitude.up_std):.2f}'}
+        if attitude is not None and attitude.reasons:
+            values['attitude not observable'] = '; '.join(attitude.reasons)
+        if focal is not None:
+            values |= {'focal length (px)': f'{focal[0]:.1f}',
+                       'focal length deviation (px)': f'{focal[1]:.1f}'}
+        return values
+
+
+def required(attitude: Attitude | None, reason: str) -> Attitude:
+    """Return an attitude with up; AttitudeError with the reason if there is none."""
+    if attitude is None:
+        raise AttitudeError(Reason.NO_ATTITUDE, reason)
+    if attitude.up is None:
+        raise AttitudeError(Reason.NO_ATTITUDE, '; '.join(attitude.reasons))
+    return attitude
