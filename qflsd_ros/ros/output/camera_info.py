@@ -44,7 +44,7 @@ def camera_model(info: CameraInfo | None, topic: str, height: int, width: int) -
     if info is None:
         raise CalibrationError(
             Reason.NO_CALIBRATION,
-            f'no camera_info has been received on {topic}: planes need one')
+            f'no camera_info has been received on {topic}: planes and line_features need one')
     if size(info) != (width, height):
         raise CalibrationError(
             Reason.OTHER_CALIBRATION,
