@@ -65,8 +65,8 @@ class Feed:
 
         Returns
         -------
-        lines, numbers
-            The chosen lines, in the order of their arcs, and their numbers, (N,) int64.
+        lines, ids
+            The chosen lines, in the order of their arcs, and their ids, (N,) int64.
 
         """
         long = lines.lengths >= limits.min_length

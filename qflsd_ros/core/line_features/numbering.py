@@ -16,9 +16,9 @@ class Numbering:
     """
     Numbers of the lines of successive messages.
 
-    Numbers begin at 1, and again there once they are used up; a number that is in use then is left
-    out.  With several cameras, number k of camera i is ``k * cameras + i``, so that no two cameras
-    have one in common.
+    Lines are counted from 1 on, and again once the numbers are used up; a number that is in use
+    then is left out.  Of several cameras, camera i numbers its k-th line ``k * cameras + i``: no
+    two cameras share a number, since nobody has found that they see the same line.
     """
 
     def __init__(self) -> None:
@@ -33,7 +33,7 @@ class Numbering:
 
     def take(self, tracks: np.ndarray, cameras: int, camera: int) -> np.ndarray:
         """
-        Return the numbers of the lines of the next message.
+        Return the ids of the lines of the next message.
 
         Parameters
         ----------
@@ -44,8 +44,9 @@ class Numbering:
 
         Returns
         -------
-        numbers
-            (N,) int64; ``numbers * cameras + camera`` is below 2^24.
+        ids
+            (N,) int64 below 2^24: each number times ``cameras``, plus ``camera``, as the readers
+            decode it.
 
         """
         highest = LARGEST // cameras ** 2 - 1
@@ -55,7 +56,8 @@ class Numbering:
             number = before.get(track)
             self._numbers[track] = self._free(used, highest) if (
                 number is None or number > highest) else number
-        return np.fromiter(self._numbers.values(), np.int64, len(tracks)) * cameras + camera
+        counts = np.fromiter(self._numbers.values(), np.int64, len(tracks))
+        return (counts * cameras + camera) * cameras + camera
 
     def _free(self, used: set[int], highest: int) -> int:
         """Return the next number that is not used."""

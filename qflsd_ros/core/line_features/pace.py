@@ -35,7 +35,8 @@ class Pace:
             return True
         period, interval, self._last = NS / rate, stamp - self._last, stamp
         if rate != self._rate or interval <= 0 or stamp - self._due > period:
-            self._rate, self._due = rate, stamp
+            self._rate, self._due = rate, stamp + round(period)
+            return True
         # Half an interval later, the next frame is no closer.
         if stamp + interval / 2 < self._due:
             return False

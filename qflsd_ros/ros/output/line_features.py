@@ -12,7 +12,7 @@ from sensor_msgs.msg import ChannelFloat32, PointCloud
 from std_msgs.msg import Header
 
 
-def line_features(header: Header, lines: Lines, numbers: np.ndarray, table: np.ndarray
+def line_features(header: Header, lines: Lines, ids: np.ndarray, table: np.ndarray
                   ) -> PointCloud:
     """
     Return one point for each line: its start, normalised, with z = 1.
@@ -21,14 +21,14 @@ def line_features(header: Header, lines: Lines, numbers: np.ndarray, table: np.n
     ----------
     header
         Header of the image.
-    lines, numbers
-        N lines and their numbers, each times the number of cameras, plus that of the camera.
+    lines, ids
+        N lines and their ids.
     table
         (N,) rows of the table of their arcs, with ``direction`` and ``track``.
 
     """
     x_end, y_end = lines.ends.T
-    channels = {'id': numbers, 'x_end': x_end, 'y_end': y_end, 'std': lines.std,
+    channels = {'id': ids, 'x_end': x_end, 'y_end': y_end, 'std': lines.std,
                 'direction': table['direction'], 'track': table['track']}
     return PointCloud(
         header=header, points=[Point32(x=x, y=y, z=1.0) for x, y in lines.starts.tolist()],

@@ -211,11 +211,11 @@ def _planes(result: Result, camera: CameraModel) -> PointCloud2:
 
 def _line_features(result: Result, arcs: Arcs, camera: CameraModel) -> PointCloud:
     settings = result.settings
-    lines, numbers = result.feed.take(
+    lines, ids = result.feed.take(
         undistorted(arcs, result.planes, camera), arcs, result.gray.shape, Limits(
             settings.line_features_max, settings.line_features_min_length, settings.cameras,
             settings.camera_index))
-    return line_features(result.header, lines, numbers, arcs.table[lines.arcs])
+    return line_features(result.header, lines, ids, arcs.table[lines.arcs])
 
 
 def _attitude(result: Result, found: Attitude) -> Imu:
