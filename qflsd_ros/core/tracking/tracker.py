@@ -14,12 +14,10 @@ from qflsd_ros.core.detection.frame import Frame
 from qflsd_ros.core.detector import Detector
 from qflsd_ros.core.lens.division import DivisionModel
 from qflsd_ros.core.parameters import Parameters
-from qflsd_ros.core.tracking import report, state
+from qflsd_ros.core.tracking import chart, measurement, report, state
 from qflsd_ros.core.tracking.association import associate, NEW, Outcome, PLACES, Tally
-from qflsd_ros.core.tracking.chart import enter_all, NOBODY
-from qflsd_ros.core.tracking.measurement import measure, MOST
+from qflsd_ros.core.tracking.measurement import MOST
 from qflsd_ros.core.tracking.motion import Motion
-from qflsd_ros.core.tracking.normals import EDGES
 from qflsd_ros.core.tracking.state import Tracks
 
 LAST_IDENTITY = 2 ** 24     # consumers carry identities as float32, which is exact up to there
@@ -53,9 +51,10 @@ class Tracker:
         """Begin without tracks, with the parameters of the detector (None: the defaults)."""
         self._detector = Detector(parameters)
         self._next = 1
+        self._since = 0         # frames since arcs were detected
         self._shape: tuple[int, int] | None = None
-        self._shares, self._counts = np.empty(MOST), np.empty(MOST, np.int64)
-        self._found, self._strength = np.empty((2, MOST, EDGES))
+        self._tracks, self._motion = Tracks(), Motion()
+        self._normals = measurement.memory()
         self._tally = Tally(np.empty(PLACES, np.int64), np.empty(PLACES))
         self._points = np.empty((state.MOST, MOST, 2))
 
@@ -101,7 +100,7 @@ class Tracker:
         """
         if self.parameters.method == 'paper':
             raise ValueError('method is paper: tracks need the gradients of method arcs')
-        detected = self._detector.detect(gray, mask, lens)
+        detected = self._detect(gray, mask, lens)
         if gray.shape != self._shape:
             self._start((gray.shape[0], gray.shape[1]))
         image = self._detector.frame
@@ -110,37 +109,61 @@ class Tracker:
                                np.zeros((0, 2)), np.zeros((0, MOST, 2)),
                                self.parameters.min_length)
         rows = self._tracks.rows
-        confirmed = self._follow(image, len(detected))
-        fate = self._compare(rows, confirmed, detected)
-        self._remember(rows, confirmed)
-        self._begin_tracks(detected, fate == NEW)
+        known = len(rows) > 0 and self._motion.predict(image, rows)
+        if detected is None and not known:
+            detected = self._detect_now(gray, mask, lens)
+        confirmed = self._measure(image, known, detected)
+        rows[:, state.HELD] = 1
+        if detected is None:
+            self._remember(rows, confirmed)
+        else:
+            fate = self._compare(rows, confirmed, detected)
+            self._remember(rows, confirmed)
+            self._begin_tracks(detected, fate == NEW)
         return self._report(image)
+
+    def _detect(self, gray: np.ndarray, mask: np.ndarray | None,
+                lens: DivisionModel | None) -> Arcs | None:
+        """Return the arcs of a frame, or None if only the tracks are to be measured in it."""
+        self._since += 1
+        if (self._since < self.parameters.detect_every and self._tracks.count
+                and gray.shape == self._shape):
+            self._detector.look(gray, mask)
+            return None
+        return self._detect_now(gray, mask, lens)
+
+    def _detect_now(self, gray: np.ndarray, mask: np.ndarray | None,
+                    lens: DivisionModel | None) -> Arcs:
+        """Return the arcs of a frame."""
+        self._since = 0
+        return self._detector.detect(gray, mask, lens)
 
     def _start(self, shape: tuple[int, int]) -> None:
         """Begin anew with images of another size."""
         self._shape = shape
         self._tracks, self._motion = Tracks(), Motion()
-        self._chart = np.full(shape, NOBODY, np.int16)
+        self._chart = chart.empty(shape)
 
-    def _follow(self, image: Frame, arcs: int) -> np.ndarray:
-        """Predict and measure all tracks; return which are confirmed: (M,) bool."""
+    def _measure(self, image: Frame, known: bool, detected: Arcs | None) -> np.ndarray:
+        """
+        Measure all tracks at their predicted places; return which are confirmed: (M,) bool.
+
+        ``known`` is whether the motion is known that predicted them.
+        """
         rows = self._tracks.rows
-        if len(rows) == 0:
-            return np.zeros(0, np.bool_)
-        reference = np.count_nonzero(rows[:, state.LOST] <= self._motion.lost)
         needed = np.where(rows[:, state.LOST] > 0, FOUND_AGAIN, SUPPORTED)
-        if not self._motion.predict(image, rows):
+        if not known:
             needed[:] = NEVER
-            if arcs > FEW * reference:
+            reference = np.count_nonzero(rows[:, state.LOST] < self._motion.lost)
+            if detected is not None and len(detected) > FEW * reference:
                 # Another scene: its lines would be taken for those of the last one.
                 rows[:, state.LOST] = 2 * PATIENCE
-        measure(image, rows, needed, self._shares, self._found, self._counts, self._strength,
-                self._points)
+        measurement.measure(image, rows, needed, self._normals, self._points)
         return rows[:, state.SUPPORT] >= needed
 
     def _compare(self, rows: np.ndarray, confirmed: np.ndarray, detected: Arcs) -> np.ndarray:
         """Associate detected arcs with the confirmed tracks; return the class of each arc."""
-        self._chart[:] = NOBODY
+        self._chart.pixels[:] = chart.NOBODY
         chords = np.hypot(rows[:, state.END] - rows[:, state.START],
                           rows[:, state.END + 1] - rows[:, state.START + 1])
         established = (rows[:, state.AGE] >= ESTABLISHED) & (rows[:, state.REPORTED] > 0)
@@ -149,7 +172,7 @@ class Tracker:
         order = order[confirmed[order]]
         hidden, absorbed = np.zeros((2, len(rows)), np.bool_)
         distance = self.parameters.min_distance
-        enter_all(self._chart, rows, order, CLOSER * distance, hidden, absorbed)
+        chart.enter_all(self._chart, rows, order, CLOSER * distance, hidden, absorbed)
         confirmed &= ~hidden
         longest = np.argsort(-detected.table['length'], kind='stable')
         outcome = Outcome(np.zeros(len(rows)), np.zeros(len(rows)), absorbed,
