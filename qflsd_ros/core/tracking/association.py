@@ -14,7 +14,7 @@ from qflsd_ros.core.compilation import compiled, inlined
 from qflsd_ros.core.detection.suppression import HIDDEN
 from qflsd_ros.core.tracking import curve
 from qflsd_ros.core.tracking.chart import Chart, enter, EVERY, NOBODY, owner
-from qflsd_ros.core.tracking.looks import ONE_SIDED
+from qflsd_ros.core.tracking.motion.looks import ONE_SIDED
 from qflsd_ros.core.tracking.state import POLARITY, SCORE
 from qflsd_ros.core.tracking.union import APART, CHANGED, lengthen
 

@@ -16,7 +16,7 @@ import numpy as np
 from qflsd_ros.core.compilation import compiled, inlined
 from qflsd_ros.core.detection.frame import Frame
 from qflsd_ros.core.tracking import curve
-from qflsd_ros.core.tracking.looks import nearest, ONE_SIDED, weakest
+from qflsd_ros.core.tracking.motion.looks import nearest, ONE_SIDED, weakest
 from qflsd_ros.core.tracking.normals import EDGES, edges_along, in_sight
 from qflsd_ros.core.tracking.state import (
     CONTRAST, EDGES as EDGE_COUNT, END, FIRST, LAST, MIDDLE, POLARITY, RMS, SHIFT, START, STEP,

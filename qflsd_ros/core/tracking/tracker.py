@@ -14,30 +14,15 @@ from qflsd_ros.core.detection.frame import Frame
 from qflsd_ros.core.detector import Detector
 from qflsd_ros.core.lens.division import DivisionModel
 from qflsd_ros.core.parameters import Parameters
-from qflsd_ros.core.tracking import chart, measurement, report, state
+from qflsd_ros.core.tracking import chart, confirmation, measurement, report, state
 from qflsd_ros.core.tracking.association import associate, NEW, Outcome, PLACES, Tally
 from qflsd_ros.core.tracking.measurement import MOST
-from qflsd_ros.core.tracking.motion import Motion
+from qflsd_ros.core.tracking.motion.prediction import Motion
 from qflsd_ros.core.tracking.state import Tracks
 
 LAST_IDENTITY = 2 ** 24     # consumers carry identities as float32, which is exact up to there
-# All of the following but SUPPORTED are chosen, not tuned.
-# Least share of supported normals of a track of the last frame.  Tuned on photographs seen by a
-# turning camera: of 0.3 to 0.5, 0.3 keeps most identities, and as many lines are right (to 0.001).
-SUPPORTED = 0.3
-FOUND_AGAIN = 0.6           # the same for a lost track
-NEVER = 2.0                 # the same, above any share, so that no track is confirmed
-# Least score of a reported track, relative to min_score: of a new one, and of one reported in the
-# last frame (hysteresis).
-SURER, LESS = 2.0, -3.0
-CLOSER = 0.7                # largest distance of a hidden track, as a share of min_distance
-PATIENCE = 60               # frames for which a lost track is kept that was established
-ESTABLISHED = 3             # frames in which a track must have been reported to be established
-YOUNG = 5                   # frames for which other lost tracks are kept
-FORGOTTEN = 1.0             # score below which a track ends
-RECENT = 0.9                # weight of the past in running means over frames
-COVERED = 0.5               # least share of a track's chord with arcs on it, to be detected
-FEW = 0.25                  # arcs per track: with fewer, a frame is empty, not another scene
+CLOSER = 0.7        # largest distance of a hidden track, as a share of min_distance; chosen
+FEW = 0.25          # arcs per track: with fewer, a frame is empty, not another scene; chosen
 
 
 class Tracker:
@@ -151,13 +136,12 @@ class Tracker:
         ``known`` is whether the motion is known that predicted them.
         """
         rows = self._tracks.rows
-        needed = np.where(rows[:, state.LOST] > 0, FOUND_AGAIN, SUPPORTED)
+        needed = confirmation.needed(rows, known)
         if not known:
-            needed[:] = NEVER
             reference = np.count_nonzero(rows[:, state.LOST] < self._motion.lost)
             if detected is not None and len(detected) > FEW * reference:
                 # Another scene: its lines would be taken for those of the last one.
-                rows[:, state.LOST] = 2 * PATIENCE
+                rows[:, state.LOST] = confirmation.OVER
         measurement.measure(image, rows, needed, self._normals, self._points)
         return rows[:, state.SUPPORT] >= needed
 
@@ -166,9 +150,8 @@ class Tracker:
         self._chart.pixels[:] = chart.NOBODY
         chords = np.hypot(rows[:, state.END] - rows[:, state.START],
                           rows[:, state.END + 1] - rows[:, state.START + 1])
-        established = (rows[:, state.AGE] >= ESTABLISHED) & (rows[:, state.REPORTED] > 0)
-        rank = chords * np.where(established, 2.0, 1.0)
-        order = np.argsort(-rank, kind='stable')
+        old = (rows[:, state.AGE] >= confirmation.ESTABLISHED) & (rows[:, state.REPORTED] > 0)
+        order = np.argsort(-chords * np.where(old, 2.0, 1.0), kind='stable')
         order = order[confirmed[order]]
         hidden, absorbed = np.zeros((2, len(rows)), np.bool_)
         distance = self.parameters.min_distance
@@ -180,25 +163,16 @@ class Tracker:
         associate(self._chart, rows, _rows_of(detected.table[longest]), distance, self._tally,
                   outcome)
         confirmed &= ~absorbed
-        rows[absorbed, state.LOST] = 2 * PATIENCE
-        seen = outcome.covered >= COVERED * chords
-        rows[:, state.HELD] = ~seen
-        weight = np.where(confirmed, 1 - RECENT, 0.0)
-        rows[:, state.SCORE] += weight * (outcome.scores - rows[:, state.SCORE])
-        rows[:, state.DETECTED] += (1 - RECENT) * (seen - rows[:, state.DETECTED])
+        rows[absorbed, state.LOST] = confirmation.OVER
+        confirmation.rate(rows, confirmed, outcome)
         fate = np.empty(len(detected), np.int64)
         fate[longest] = outcome.fate
         return fate
 
     def _remember(self, rows: np.ndarray, confirmed: np.ndarray) -> None:
         """Count frames reported and lost of each track; remove tracks lost for too long."""
-        rows[:, state.CONFIRMED] = confirmed
-        least = self.parameters.min_score + np.where(rows[:, state.REPORTED], LESS, SURER)
-        rows[:, state.REPORTED] = confirmed & (rows[:, state.SCORE] >= least)
-        rows[:, state.LOST] = np.where(confirmed, 0, rows[:, state.LOST] + 1)
-        patience = np.where(rows[:, state.AGE] + rows[:, state.REPORTED] >= ESTABLISHED,
-                            PATIENCE, YOUNG)
-        wanted = (rows[:, state.LOST] <= patience) & (rows[:, state.SCORE] >= FORGOTTEN)
+        wanted = np.empty(len(rows), np.bool_)
+        confirmation.count(rows, confirmed, self.parameters.min_score, wanted)
         if not wanted.all():
             kept = self._points[:len(rows)][wanted]
             self._points[:len(kept)] = kept
@@ -211,9 +185,7 @@ class Tracker:
         rows = _rows_of(arcs)
         rows[:, state.EDGES] = np.minimum(arcs['support'], MOST)
         rows[:, state.IDENTITY] = self._identities(len(chosen))
-        rows[:, state.DETECTED] = rows[:, state.CONFIRMED] = 1
-        sure = arcs['score'] >= self.parameters.min_score + SURER
-        rows[:, state.REPORTED] = sure
+        rows[:, state.REPORTED] = arcs['score'] >= self.parameters.min_score + confirmation.SURER
         rows[:, state.FIRST], rows[:, state.LAST] = -1, 1
         # Of each arc as many points, evenly from the first to the last, as there is room for.
         last = np.minimum(np.arange(MOST), rows[:, [state.EDGES]] - 1)

@@ -5,11 +5,11 @@ import numpy as np
 
 from qflsd_ros.core.compilation import compiled
 from qflsd_ros.core.detection.frame import Frame
-from qflsd_ros.core.tracking import field, looks
 from qflsd_ros.core.tracking.curve import at, curve
-from qflsd_ros.core.tracking.field import CUBIC
+from qflsd_ros.core.tracking.motion import field, looks
+from qflsd_ros.core.tracking.motion.field import CUBIC
+from qflsd_ros.core.tracking.motion.vote import translation
 from qflsd_ros.core.tracking.state import COLUMNS, END, LOST, MIDDLE, SHIFT, START, TURN
-from qflsd_ros.core.tracking.vote import translation
 
 # All of these are chosen, not tuned.
 LONGEST = 100           # tracks, the longest ones, from which the motion is estimated

@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from qflsd_ros.core.compilation import compiled
-from qflsd_ros.core.tracking.looks import Looks, NX, NY
+from qflsd_ros.core.tracking.motion.looks import Looks, NX, NY
 
 
 @compiled

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from qflsd_ros.core.compilation import compiled, inlined
-from qflsd_ros.core.tracking.looks import Looks, nearest, NX, NY, WAS_X, WAS_Y, X, Y
+from qflsd_ros.core.tracking.motion.looks import Looks, nearest, NX, NY, WAS_X, WAS_Y, X, Y
 
 TERMS = 10              # of a cubic polynomial in x and y
 AFFINE, CUBIC = 6, 2 * TERMS
