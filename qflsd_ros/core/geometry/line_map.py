@@ -23,6 +23,8 @@ LEAST_SEEN = 6
 # Largest deviation of a line across, as a share of its distance.  Chosen, not tuned: the limit up
 # to which a map is of use.
 MAX_DEVIATION = 0.01
+# Misfit above which a line must be more exact than that, by the ratio.
+STEADY = 0.4
 # Images without a track after which it is removed unless it is confirmed: more than the 60 for
 # which the tracker keeps one that it has lost.
 PATIENCE = 90
@@ -106,7 +108,7 @@ class LineMap:
         self._changed[changed] = False
         used = np.array([self._slots[track] for track in sorted(self._slots)], np.int64)
         lines = as_lines(self._results[used])
-        confirmed = (lines.determined & (lines.deviations <= MAX_DEVIATION)
+        confirmed = (lines.determined & (lines.deviations * np.maximum(lines.misfits / STEADY, 1) <= MAX_DEVIATION)
                      & (self._seen[used] >= LEAST_SEEN))
         for slot in used[~confirmed & (self._last[used] < self._image - PATIENCE)]:
             self._remove(slot)

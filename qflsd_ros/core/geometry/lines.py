@@ -36,6 +36,10 @@ class Lines(NamedTuple):
         coincide or contradict each other.
     distances
         (N,) float64, mean distances of the points from the optical centres of the views.
+    misfits
+        (N,) float64, root mean square of the residuals of the views, per degree of freedom, over
+        their deviation.  It is below 1/2 for edges, whose flaws are alike in neighbouring views,
+        and larger for texture and light, which wander, and with wrong poses.
     views
         (N,) int64, the views that agree with the line.
 
@@ -48,6 +52,7 @@ class Lines(NamedTuple):
     covariances: np.ndarray
     parallaxes: np.ndarray
     distances: np.ndarray
+    misfits: np.ndarray
     views: np.ndarray
 
     @property

@@ -35,16 +35,18 @@ from qflsd_ros.core.pose import Pose
 # Columns of a view: the normal; the same plane's two directions across the normal, divided by the
 # standard deviations (the residuals are their products with m); the optical centre; and the rays
 # of start and end of the arc.  All are in the world.
-NORMAL, ACROSS, TURN, CENTRE, START, END, VIEW = 0, 3, 6, 9, 12, 15, 18
+NORMAL, ACROSS, TURN, CENTRE, START, END, EXPECTED, VIEW = 0, 3, 6, 9, 12, 15, 18, 19
 # Columns of a result: point, direction, two directions across, first and last position along the
-# line from the point, covariance, squared parallax, mean distance from the views, and number of
-# views that agree.
-POINT, DIRECTION, SIDE, FIRST, LAST, COVARIANCE, PARALLAX, DISTANCE, AGREED, RESULT = (
-    0, 3, 6, 12, 13, 14, 30, 31, 32, 33)
+# line from the point, covariance, squared parallax, mean distance from the views, misfit, and
+# number of views that agree.
+(POINT, DIRECTION, SIDE, FIRST, LAST, COVARIANCE, PARALLAX, DISTANCE, MISFIT, AGREED,
+ RESULT) = 0, 3, 6, 12, 13, 14, 30, 31, 32, 33, 34
 # Deviation, radians, by which edges lie off in all views in the same way: blur, neighbouring edges
 # and texture shift them.  It is .07 px at a focal length of 360 px.  Tuned on the rendered room so
 # that errors are as large as stated; without it they are 2.5 to 3.5 times as large.
-FLAW = 2e-4
+FLAW = 1.5e-4
+# Share of the squared flaw by which it differs between views.
+VARYING = 0.1
 # Degrees of freedom of Student's distribution of a residual: heavy tails, as for most robust fits.
 NU = 4.0
 STEPS = 6           # Gauss-Newton steps; the change is below rounding after 3 to 5
@@ -61,7 +63,7 @@ MAX_SCALE = 36.0
 SHARE = 0.5
 PAIRS = 40          # pairs that are tried at most; outliers in every third view leave 4 in 9 pure
 # Share of the views that may begin before the line, and end after it.  Tuned on the rendered room.
-BEYOND = 0.2
+BEYOND = 0.25
 TINY = 1e-300
 Line = tuple[float, float, float, float, float, float]
 Vector = tuple[float, float, float]
@@ -104,18 +106,22 @@ def observed(normals: np.ndarray, covariances: np.ndarray, ends: np.ndarray, pos
     middle -= (middle * normals).sum(axis=1, keepdims=True) * normals
     middle /= np.linalg.norm(middle, axis=1, keepdims=True)
     sides = np.stack([middle, np.cross(normals, middle)], axis=1)
-    across = np.einsum('nai,nij,nbj->nab', sides, covariances, sides)
+    stated = np.einsum('nai,nij,nbj->nab', sides, covariances, sides)
     # An offset of the whole arc, and a turn about its middle that moves points along it as much
     # in the mean.
-    across[:, 0, 0] += flaw ** 2
-    across[:, 1, 1] += 12 * flaw ** 2 / ((ends[:, 1] - ends[:, 0]) ** 2).sum(axis=1)
+    added = np.zeros_like(stated)
+    added[:, 0, 0] = flaw ** 2
+    added[:, 1, 1] = 12 * flaw ** 2 / ((ends[:, 1] - ends[:, 0]) ** 2).sum(axis=1)
+    across = stated + added
     low = np.linalg.cholesky(across)
     views = np.empty((len(normals), VIEW))
     back = pose.rotation.T
     views[:, NORMAL:ACROSS] = normals @ back
     views[:, ACROSS:CENTRE] = (np.linalg.solve(low, sides) @ back).reshape(-1, 6)
     views[:, CENTRE:START] = pose.centre
-    views[:, START:] = (ends @ back).reshape(-1, 6)
+    views[:, START:EXPECTED] = (ends @ back).reshape(-1, 6)
+    views[:, EXPECTED] = np.trace(np.linalg.solve(across, stated + VARYING * added),
+                                  axis1=1, axis2=2)
     return views
 
 
@@ -154,7 +160,8 @@ def as_lines(rows: np.ndarray) -> Lines:
     return Lines(
         rows[:, POINT:DIRECTION], rows[:, DIRECTION:SIDE], rows[:, SIDE:FIRST].reshape(-1, 2, 3),
         rows[:, FIRST:COVARIANCE], rows[:, COVARIANCE:PARALLAX].reshape(-1, 4, 4),
-        np.sqrt(rows[:, PARALLAX]), rows[:, DISTANCE], rows[:, AGREED].astype(np.int64))
+        np.sqrt(rows[:, PARALLAX]), rows[:, DISTANCE], rows[:, MISFIT],
+        rows[:, AGREED].astype(np.int64))
 
 
 def warm_up() -> None:
@@ -465,18 +472,22 @@ def _reach(views: np.ndarray, count: int, line: Line, memory: Memory) -> tuple[f
 def _report(views: np.ndarray, count: int, line: Line, result: np.ndarray, memory: Memory) -> None:
     """Write a line, its deviations and its ends to a row."""
     result[FIRST], result[LAST] = _reach(views, count, line, memory)
-    memory.hessian[:], total, distance, agreed = 0.0, 0.0, 0.0, 0
+    memory.hessian[:] = 0.0
+    total, expected, distance, agreed = 0.0, 0.0, 0.0, 0
     for k in range(count):
         if memory.weights[k] > 0:
             _add(views[k], line, 1.0, memory)
             total += _square(views[k], line)
+            expected += views[k, EXPECTED]
             distance += math.sqrt((views[k, CENTRE] - line[0]) ** 2
                                   + (views[k, CENTRE + 1] - line[1]) ** 2
                                   + (views[k, CENTRE + 2] - line[2]) ** 2)
             agreed += 1
-    scale = max(total / max(2 * agreed - 4, 1), 1.0)
+    # Two views leave no residual, and tell nothing of it.
+    dof = max(2 * agreed - 4, 1)
+    scale = max(total / (dof * expected / (2 * agreed)), 1.0)
     result[PARALLAX], result[AGREED] = _parallax(views, count, memory) / scale, agreed
-    result[DISTANCE] = distance / agreed
+    result[DISTANCE], result[MISFIT] = distance / agreed, math.sqrt(total / dof)
     if not _factorise(memory):
         result[PARALLAX] = 0.0
         return
