@@ -19,6 +19,10 @@ SIZES = {'plumb_bob': 5, 'rational_polynomial': 12, 'equidistant': 4}
 # Newton's method doubles the number of correct digits in each iteration near the solution; points
 # near the border of a strong distortion need some iterations to come near it.
 ITERATIONS = 20
+# Shares of the radius for which each iteration of a pinhole solves.  A pincushion needs the three
+# before 1: steps from the centre straight to the border may end on another branch of the rational
+# polynomial.  3 iterations suffice to be near the solution for a share.
+SHARES = (0.25,) * 3 + (0.5,) * 3 + (0.75,) * 3 + (1.0,) * ITERATIONS
 # Difference for derivatives, in focal lengths: small against any detail of a distortion, large
 # against the rounding of float64.  Newton's method needs no exact derivatives.
 STEP = 1e-6
@@ -124,17 +128,18 @@ def _pinhole(x: np.ndarray, y: np.ndarray, coefficients: np.ndarray) -> np.ndarr
     """
     Return the directions of normalised points under the polynomial models.
 
-    Newton's method finds the undistorted point (u, v) that the model distorts to (x, y).
+    Newton's method finds the undistorted point (u, v) that the model distorts to (x, y), by way of
+    those that it distorts to shares of (x, y).
     """
-    u, v = x.copy(), y.copy()
+    u, v = SHARES[0] * x, SHARES[0] * y
     with np.errstate(all='ignore'):
-        for _ in range(ITERATIONS):
+        for share in SHARES:
             (a, b), (du, dv) = _distorted(u, v, coefficients), (u + STEP, v + STEP)
             (au, bu), (av, bv) = _distorted(du, v, coefficients), _distorted(u, dv, coefficients)
             ju, jv, ku, kv = ((one - other) / STEP for one, other in (
                 (au, a), (av, a), (bu, b), (bv, b)))
             determinant = ju * kv - jv * ku
-            a, b = a - x, b - y
+            a, b = a - share * x, b - share * y
             u = u - (kv * a - jv * b) / determinant
             v = v - (ju * b - ku * a) / determinant
     # A solution does not count where the distortion folds the image over (determinant below 0)

@@ -12,6 +12,10 @@ from qflsd_ros.sources.reasons import Reason
 from sensor_msgs.msg import CameraInfo
 from std_msgs.msg import Header
 
+# Coefficients in a message; rational_polynomial has 12 where the thin prism's are among them, a
+# number that OpenCV accepts, too.
+LENGTHS = {'plumb_bob': 5, 'rational_polynomial': 12, 'equidistant': 4}
+
 
 class CalibrationError(FrameError):
     """A CameraInfo that is missing, or that does not describe the camera of the image."""
@@ -86,6 +90,21 @@ def uncalibrated(header: Header, model: DivisionModel) -> CameraInfo:
     return CameraInfo(header=header, height=height, width=width)
 
 
+def calibrated(header: Header, camera: CameraModel, height: int, width: int) -> CameraInfo:
+    """Return the CameraInfo of a calibrated camera without rotation, for images of its size."""
+    return _info(header, (height, width), camera.model, camera.matrix,
+                 camera.coefficients[:LENGTHS[camera.model]])
+
+
+def _info(header: Header, shape: tuple[int, int], model: str, matrix: np.ndarray,
+          coefficients: np.ndarray) -> CameraInfo:
+    """Return a CameraInfo in which K is the camera matrix of the rectified image, too."""
+    projection = np.concatenate([matrix, np.zeros((3, 1))], axis=1)
+    return CameraInfo(
+        header=header, height=shape[0], width=shape[1], distortion_model=model,
+        d=array('d', coefficients), k=matrix.ravel(), r=np.eye(3).ravel(), p=projection.ravel())
+
+
 def message(header: Header, model: DivisionModel, focal_length: float) -> CameraInfo:
     """
     Return the CameraInfo with which a rectifying node straightens images of a lens.
@@ -106,9 +125,4 @@ def message(header: Header, model: DivisionModel, focal_length: float) -> Camera
 
     """
     found = described(model, focal_length)
-    height, width = model.shape
-    projection = np.concatenate([found.matrix, np.zeros((3, 1))], axis=1)
-    return CameraInfo(
-        header=header, height=height, width=width, distortion_model=found.distortion_model,
-        d=array('d', found.coefficients), k=found.matrix.ravel(), r=np.eye(3).ravel(),
-        p=projection.ravel())
+    return _info(header, model.shape, found.distortion_model, found.matrix, found.coefficients)
