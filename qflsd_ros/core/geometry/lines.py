@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-# Least ratio of a line's parallax and its deviation.  Its depth has about the inverse as relative
-# deviation.  Tuned on the rendered room.
+# Least ratio of a line's parallax and its deviation, whose inverse is about the relative deviation
+# of the depth: 4 %.  Chosen, not tuned; noise in place of parallax reaches 5 to 8.
 LEAST_PARALLAX = 25.0
 
 
