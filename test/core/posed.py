@@ -34,9 +34,9 @@ def poses(count: int, seed: int = 0, way: tuple[float, float, float] = (0.6, 0.4
 
 
 def sight(lines: np.ndarray, pose: Pose, noise: float = 0.0,
-          random: np.random.Generator | None = None) -> tuple[Planes, np.ndarray]:
+          random: np.random.Generator | None = None) -> Planes:
     """
-    Return the planes of edges, (N, 2, 3), in a camera, and the rays of their ends, (N, 2, 3).
+    Return the planes of edges, (N, 2, 3), in a camera.
 
     Each normal deviates by ``noise`` times (1, 2), along the middle ray and across it; its
     covariance states that, and 1e-12 more.
@@ -53,4 +53,4 @@ def sight(lines: np.ndarray, pose: Pose, noise: float = 0.0,
         errors = random.normal(size=(len(lines), 2)) * spread
         normals = normals + np.einsum('nk,nki->ni', errors, sides)
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    return Planes(np.arange(len(lines)), normals, covariances), rays
+    return Planes(np.arange(len(lines)), normals, covariances, rays)

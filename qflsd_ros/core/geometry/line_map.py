@@ -78,7 +78,7 @@ class LineMap:
         """Return the number of tracks, confirmed or not."""
         return len(self._slots)
 
-    def add(self, tracks: np.ndarray, planes: Planes, ends: np.ndarray, pose: Pose) -> None:
+    def add(self, tracks: np.ndarray, planes: Planes, pose: Pose) -> None:
         """
         Add the planes of one image.
 
@@ -88,8 +88,6 @@ class LineMap:
             (N,) int, the identity of each plane's arc; 0 where it has none: it is left out.
         planes
             N planes.
-        ends
-            (N, 2, 3) the rays of start and end, in the optical frame.
         pose
             The pose of the optical frame in the world.
 
@@ -97,7 +95,7 @@ class LineMap:
         self._image += 1
         known = np.flatnonzero(tracks > 0)
         slots = self._slots_of(tracks[known])
-        views = observed(planes.normals[known], planes.covariances[known], ends[known], pose)
+        views = observed(Planes(*(values[known] for values in planes)), pose)
         _keep(self._views, self._counts, slots, views)
         self._seen[slots] += 1
         self._last[slots] = self._image

@@ -30,6 +30,7 @@ import numpy as np
 
 from qflsd_ros.core.compilation import compiled, inlined
 from qflsd_ros.core.geometry.lines import Lines
+from qflsd_ros.core.geometry.planes import Planes
 from qflsd_ros.core.pose import Pose
 
 # Columns of a view: the normal; the same plane's two directions across the normal, divided by the
@@ -83,17 +84,14 @@ class Memory(NamedTuple):
     weights: np.ndarray     # (K,)
 
 
-def observed(normals: np.ndarray, covariances: np.ndarray, ends: np.ndarray, pose: Pose,
-             flaw: float = FLAW) -> np.ndarray:
+def observed(planes: Planes, pose: Pose, flaw: float = FLAW) -> np.ndarray:
     """
     Return the planes of one image as views of their lines.
 
     Parameters
     ----------
-    normals, covariances
-        (N, 3) and (N, 3, 3), as of :class:`planes.Planes`, in the optical frame.
-    ends
-        (N, 2, 3) the rays of start and end, in the optical frame.
+    planes
+        N planes.
     pose
         The pose of the optical frame in the world.
     flaw
@@ -105,11 +103,12 @@ def observed(normals: np.ndarray, covariances: np.ndarray, ends: np.ndarray, pos
         (N, VIEW) float64, in the world.
 
     """
+    normals, ends = planes.normals, planes.ends
     middle = ends.sum(axis=1)
     middle -= (middle * normals).sum(axis=1, keepdims=True) * normals
     middle /= np.linalg.norm(middle, axis=1, keepdims=True)
     sides = np.stack([middle, np.cross(normals, middle)], axis=1)
-    stated = np.einsum('nai,nij,nbj->nab', sides, covariances, sides)
+    stated = np.einsum('nai,nij,nbj->nab', sides, planes.covariances, sides)
     # An offset of the whole arc, and a turn about its middle that moves points along it as much
     # in the mean.
     added = np.zeros_like(stated)

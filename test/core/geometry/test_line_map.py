@@ -16,8 +16,7 @@ def show(world: LineMap, ways: list[Pose], tracks: np.ndarray = TRACKS,
          lines: np.ndarray = LINES, seed: int = 0) -> None:
     random = np.random.default_rng(seed)
     for pose in ways:
-        planes, ends = sight(lines, pose, 1e-5, random)
-        world.add(tracks, planes, ends, pose)
+        world.add(tracks, sight(lines, pose, 1e-5, random), pose)
 
 
 def test_lines_of_a_moving_camera_are_confirmed():

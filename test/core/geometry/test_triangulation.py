@@ -1,11 +1,13 @@
 """Lines from planes, against edges in space, repeated noise, and motions that show no depth."""
 from __future__ import annotations
 
+from pathlib import Path
+import re
+
 import numpy as np
 from posed import edges, poses, sight, turned
 import pytest
 from qflsd_ros.core.geometry.lines import Lines
-from qflsd_ros.core.geometry.planes import Planes
 from qflsd_ros.core.geometry.triangulation import observed, triangulate
 from qflsd_ros.core.pose import Pose
 
@@ -16,8 +18,7 @@ def views(lines: np.ndarray, ways: list[Pose], noise: float = 0.0, flaw: float =
     random = None if seed is None else np.random.default_rng(seed)
     seen = []
     for pose in ways:
-        planes, ends = sight(lines, pose, noise, random)
-        seen.append(observed(planes.normals, planes.covariances, ends, pose, flaw))
+        seen.append(observed(sight(lines, pose, noise, random), pose, flaw))
     return np.stack(seen, axis=1)
 
 
@@ -103,10 +104,10 @@ def test_weights_by_covariance_beat_equal_weights():
     weighted, equal = [], []
     for number, pose in enumerate(ways):
         noise = 2e-3 if number % 2 else 2e-4
-        planes, ends = sight(lines, pose, noise, np.random.default_rng(number))
+        planes = sight(lines, pose, noise, np.random.default_rng(number))
         same = np.broadcast_to(np.eye(3) * 1e-6, planes.covariances.shape)
-        weighted.append(observed(planes.normals, planes.covariances, ends, pose, 0))
-        equal.append(observed(planes.normals, same, ends, pose, 0))
+        weighted.append(observed(planes, pose, 0))
+        equal.append(observed(planes._replace(covariances=same), pose, 0))
     one, other = (np.median(np.linalg.norm(errors(solve(np.stack(seen, axis=1)), lines), axis=1))
                   for seen in (weighted, equal))
     assert one < 0.4 * other
@@ -222,8 +223,25 @@ def test_a_wandering_edge_has_a_misfit():
     lines, ways = edges(50), poses(10)
     steady = solve(views(lines, ways, 1e-5, 1.5e-4, seed=0))
     planes = [sight(lines, pose, 3e-4, np.random.default_rng(k)) for k, pose in enumerate(ways)]
-    wandering = solve(np.stack([observed(
-        *Planes(plane.arcs, plane.normals, plane.covariances * 1e-2)[1:], ends, pose)
-        for (plane, ends), pose in zip(planes, ways)], axis=1))
+    wandering = solve(np.stack([
+        observed(plane._replace(covariances=plane.covariances / 100), pose)
+        for plane, pose in zip(planes, ways)], axis=1))
     assert np.median(steady.misfits) < 0.2
     assert np.median(wandering.misfits) > 1
+
+
+def test_the_residual_of_the_documents_is_that_of_repeated_noise():
+    text = (Path(__file__).parents[3] / 'doc' / 'messages.md').read_text()
+    code = next(block for block in re.findall('```python\n(.*?)```', text, re.DOTALL)
+                if 'def residual' in block)
+    space: dict = {}
+    exec(code, space)
+    lines, pose = edges(2000), poses(3)[2]
+    along = lines[:, 1] - lines[:, 0]
+    for noise, deviation in ((0.0, 0.0), (1e-3, 1.0)):
+        seen = sight(lines, pose, noise, np.random.default_rng(0) if noise else None)
+        found = np.array([space['residual'](n, c, p, d, pose.rotation, pose.centre)
+                          for n, c, p, d in zip(seen.normals, seen.covariances, lines[:, 0],
+                                                along)])
+        assert found.std(axis=0) == pytest.approx(deviation, abs=0.05)
+        assert np.cov(found.T)[0, 1] == pytest.approx(0, abs=0.05)
