@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 from qflsd_ros.core.arcs import Arcs
+from qflsd_ros.core.geometry.line_map import MappedLines
 from qflsd_ros.core.geometry.planes import Planes
 from qflsd_ros.core.lens.division import DivisionModel, rectified
 from qflsd_ros.core.lens.estimation import with_straightness
@@ -34,6 +35,16 @@ PLANE = np.dtype(
     + [(f'covariance_{axes}', '<f4') for axes in COVARIANCE]
     + [('segment', '<u4'), ('track', '<u4')]
     + [(f'{end}_{axis}', '<f4') for end in ENDS for axis in 'xyz'])
+
+# A line of the map: its point, its direction, the first of the two directions across (the second is
+# direction x across), start and end, the upper triangle of the covariance of two shifts and two
+# tilts along these, and its track.
+SHIFTS_AND_TILTS = tuple(one + other for i, one in enumerate('xyuv') for other in 'xyuv'[i:])
+LINE = np.dtype(
+    [('x', '<f4'), ('y', '<f4'), ('z', '<f4')]
+    + [(f'{vector}_{axis}', '<f4') for vector in ('direction', 'across', *ENDS) for axis in 'xyz']
+    + [(f'covariance_{pair}', '<f4') for pair in SHIFTS_AND_TILTS]
+    + [('track', '<u4'), ('seen', '<u4')])
 
 # Codes of numpy's types in sensor_msgs/PointField.
 DATATYPES = {'i1': 1, 'u1': 2, 'i2': 3, 'u2': 4, 'i4': 5, 'u4': 6, 'f4': 7, 'f8': 8}
@@ -118,6 +129,21 @@ def planes_of(rows: np.ndarray) -> tuple[np.ndarray, Planes]:
         for name in ('normal', *ENDS))
     return rows['track'].astype(np.int64), Planes(
         rows['segment'].astype(np.int64), normals, covariances, np.stack([start, end], axis=1))
+
+
+def of_lines(mapped: MappedLines) -> np.ndarray:
+    """Return a record for each line of a map: (N,) of :data:`LINE`."""
+    lines, rows = mapped.lines, np.zeros(len(mapped.tracks), LINE)
+    ends = lines.ends
+    for name, vectors in (('direction', lines.directions), ('across', lines.across[:, 0]),
+                          ('start', ends[:, 0]), ('end', ends[:, 1])):
+        for column, axis in enumerate('xyz'):
+            rows[f'{name}_{axis}'] = vectors[:, column]
+    for i, j, pair in zip(*np.triu_indices(4), SHIFTS_AND_TILTS):
+        rows[f'covariance_{pair}'] = lines.covariances[:, i, j]
+    rows['x'], rows['y'], rows['z'] = lines.points.T
+    rows['track'], rows['seen'] = mapped.tracks, mapped.seen
+    return rows
 
 
 def _tracks(arcs: Arcs) -> np.ndarray:

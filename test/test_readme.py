@@ -174,8 +174,9 @@ def executed(document: str, scope: dict[str, Any]) -> dict[str, Any]:
 
 def test_the_snippet_on_messages_runs() -> None:
     arcs = Detector().detect(picture())
-    scope = executed(MESSAGES, {'segments_message': clouds.segments(Header(), arcs, 0.1),
-                                'arcs_message': clouds.arc_records(Header(), arcs)})
+    scope = executed(section(MESSAGES, 'Reading the messages'), {
+        'segments_message': clouds.segments(Header(), arcs, 0.1),
+        'arcs_message': clouds.arc_records(Header(), arcs)})
     assert len(scope['segments']) == len(scope['arcs']) == len(arcs)
     assert 0 < len(scope['long']) <= len(arcs)
 

@@ -31,7 +31,7 @@ class Pose(NamedTuple):
         """
         size = np.linalg.norm(quaternion)
         if not (np.isfinite(quaternion).all() and np.isfinite(centre).all() and size > 0):
-            raise ValueError(f'quaternion {list(quaternion)} and position {list(centre)} are no '
+            raise ValueError(f'quaternion {quaternion.tolist()} and position {centre.tolist()} are no '
                              'pose: numbers must be finite, the quaternion not 0')
         x, y, z, w = quaternion / size
         rotation = np.array([
@@ -39,6 +39,11 @@ class Pose(NamedTuple):
             [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
             [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)]])
         return cls(rotation, np.asarray(centre, float))
+
+    @classmethod
+    def from_matrix(cls, matrix: np.ndarray) -> Pose:
+        """Return the pose of a (4, 4) matrix that maps the optical frame to the world."""
+        return cls(matrix[:3, :3], matrix[:3, 3])
 
     def relative_to(self, other: Pose) -> Pose:
         """Return this pose in the optical frame of another one."""
