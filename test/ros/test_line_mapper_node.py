@@ -163,7 +163,7 @@ def test_camera_detector_and_mapper_map_the_room(peer: Peer) -> None:
     rows = clouds.records(found[-1])
     assert found[-1].header.frame_id == 'map'
     middles = np.stack([rows[axis] for axis in 'xyz'], axis=1)
-    edges = np.array([(edge.start, edge.end) for edge in Scene()._edges])
+    edges = Scene().edges
     along = edges[:, 1] - edges[:, 0]
     off = middles[:, None] - edges[:, 0]
     share = np.clip((off * along).sum(2) / (along ** 2).sum(1), 0, 1)
