@@ -22,10 +22,11 @@ CAPACITY = 4096
 LEAST_SEEN = 6
 # Largest deviation of a line across, as a share of its distance.  Chosen, not tuned: the limit up
 # to which a map is of use.
-MAX_DEVIATION = 0.01
-# Misfit from which on a line must be more exact than that, by their ratio.  Edges of the rendered
-# room have .1 to .6, lines on its texture .6 to 1.5.  Tuned there; 30 % less or more removes 15 %
-# of the lines, or adds as many, most of them on texture.
+MAX_DEVIATION = 0.011
+# Misfit from which on a line must be more exact than that, by their ratio; or the median of all
+# lines if that is larger, as errors of poses and calibration affect all lines.  Edges of the
+# rendered room have .1 to .6, lines on its texture .6 to 1.5.  Tuned there; 30 % less or more
+# removes 15 % of the lines, or adds as many, most of them on texture.
 STEADY = 0.4
 # Images without a track after which it is removed unless it is confirmed: more than the 60 for
 # which the tracker keeps one that it has lost.
@@ -108,12 +109,24 @@ class LineMap:
         self._changed[changed] = False
         used = np.array([self._slots[track] for track in sorted(self._slots)], np.int64)
         lines = as_lines(self._results[used])
-        confirmed = (lines.determined & (lines.deviations * np.maximum(lines.misfits / STEADY, 1) <= MAX_DEVIATION)
-                     & (self._seen[used] >= LEAST_SEEN))
+        confirmed = self._confirmed(lines, self._seen[used])
         for slot in used[~confirmed & (self._last[used] < self._image - PATIENCE)]:
             self._remove(slot)
         kept = used[confirmed]
         return MappedLines(self._tracks[kept], self._seen[kept], lines.chosen(confirmed))
+
+    @staticmethod
+    def _confirmed(lines: Lines, seen: np.ndarray) -> np.ndarray:
+        """Return which lines are confirmed, (N,) bool; ``seen`` is in how many images each was."""
+        known = np.flatnonzero(lines.determined & (seen >= LEAST_SEEN))
+        candidates = lines.chosen(known)
+        if len(known):
+            steady = max(STEADY, float(np.median(candidates.misfits)))
+            strict = np.maximum(candidates.misfits / steady, 1)
+            known = known[candidates.deviations * strict <= MAX_DEVIATION]
+        confirmed = np.zeros(len(seen), bool)
+        confirmed[known] = True
+        return confirmed
 
     def _slots_of(self, tracks: np.ndarray) -> np.ndarray:
         """Return the slots of tracks, (N,), of new ones too."""
