@@ -99,6 +99,8 @@ def commands(source: str | None, maps: bool) -> dict[str, list[str]]:
     camera = [*python, 'camera', '--ros-args']
     if source is not None:
         camera += ['-p', f'source:={json.dumps(source)}']  # quoted: a string, never a number
+    if maps and source is not None:
+        camera += ['-p', 'loop:=false']     # a second turn would map the same lines again
     if shows_stills(source):
         camera += ['-p', f'rate:={STILLS_RATE}']
     mapper = [*python, str(shared('examples/line_mapper.py')), '--ros-args', '-r',
