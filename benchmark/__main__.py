@@ -13,7 +13,8 @@ from benchmark.datasets import Dataset, DatasetError
 from benchmark.experiment import Effort, Experiment, QUICK
 from benchmark.experiments import (
     ablation, accuracy, degraded, exactness, false_alarms, growth, lens, mapping, memory, node,
-    overhead, paper_tables, plates, repeatability, robustness, sameness, sensitivity, speed, stages)
+    overhead, paper_tables, plates, repeatability, robustness, sameness, sensitivity, speed,
+    stages)
 from benchmark.scenes.rendered import write
 from tqdm import tqdm
 

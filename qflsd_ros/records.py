@@ -26,8 +26,8 @@ ARC = np.dtype([('x', '<f4'), ('y', '<f4'), ('z', '<f4')] + [
     for name, column in with_straightness(Arcs.empty(), None).columns().items()]
     + [('track', '<u4'), ('age', '<u4'), ('held', '<u4'), ('direction', '<i4')])
 
-# A plane: its normal, the upper triangle of its covariance row by row, the number and the identity
-# of its arc, and the rays of the arc's ends.
+# A plane: its normal, the upper triangle of its covariance row by row, the number and the
+# identity of its arc, and the rays of the arc's ends.
 COVARIANCE = ('xx', 'xy', 'xz', 'yy', 'yz', 'zz')
 ENDS = ('start', 'end')
 PLANE = np.dtype(
@@ -36,9 +36,9 @@ PLANE = np.dtype(
     + [('segment', '<u4'), ('track', '<u4')]
     + [(f'{end}_{axis}', '<f4') for end in ENDS for axis in 'xyz'])
 
-# A line of the map: its point, its direction, the first of the two directions across (the second is
-# direction x across), start and end, the upper triangle of the covariance of two shifts and two
-# tilts along these, and its track.
+# A line of the map: its point, its direction, the first of the two directions across (the second
+# is direction x across), start and end, the upper triangle of the covariance of two shifts and
+# two tilts along these, and its track.
 SHIFTS_AND_TILTS = tuple(one + other for i, one in enumerate('xyuv') for other in 'xyuv'[i:])
 LINE = np.dtype(
     [('x', '<f4'), ('y', '<f4'), ('z', '<f4')]

@@ -8,21 +8,20 @@ from pathlib import Path
 import time
 from typing import Any, NamedTuple
 
-import cv2
-import numpy as np
-from scipy.spatial import cKDTree
-
 from benchmark.datasets import read_gray
 from benchmark.experiment import Experiment
 from benchmark.report import number, section, table
 from benchmark.scenes.walk import EVERY, Seen, Walk
+import cv2
+import numpy as np
 from qflsd_ros.core import Tracker
 from qflsd_ros.core.geometry import triangulation
 from qflsd_ros.core.geometry.line_map import LineMap, MappedLines, VIEWS
 from qflsd_ros.core.geometry.lines import Lines
-from qflsd_ros.core.geometry.planes import planes, Planes
+from qflsd_ros.core.geometry.stereo import in_epipolar_planes, match, Sight
 from qflsd_ros.core.lens.camera_model import CameraModel
 from qflsd_ros.core.pose import Pose
+from scipy.spatial import cKDTree
 
 NOISE = 2.0             # grey levels
 LAMBDAS = 0.0, -0.5
@@ -35,6 +34,8 @@ ALONG = np.cos(np.radians(5.0))
 PUBLISHED = 15          # frames between two maps: 2 Hz
 MEDIAN = 3.357          # of chi^2 with 4 degrees of freedom
 SURFACE = 6, 2          # each how many-th frame and pixel gives a point of the surfaces
+BASELINE = 0.2, 0.0, 0.0   # m, from the left camera to the right one
+STEREO = 300            # frames of the room
 LENGTH = 0.2            # m, of lines that are counted in recordings
 
 
@@ -192,9 +193,7 @@ class Recording:
         tracker, found = Tracker(), []
         for frame in self.frames:
             arcs = tracker.track(read_gray(self.folder / frame['image']))
-            seen = planes(arcs, self.camera)
-            found.append(Seen(arcs.table['track'][seen.arcs].astype(np.int64), seen,
-                              Pose.from_matrix(np.array(frame['pose']))))
+            found.append(Seen.of(arcs, self.camera, np.array(frame['pose'])))
         return found
 
     def surfaces(self) -> np.ndarray:
@@ -204,7 +203,8 @@ class Recording:
     def _points(self) -> Iterator[np.ndarray]:
         every, step = SURFACE
         for frame in self.frames[::every]:
-            depth = cv2.imread(str(self.folder / frame['depth']), cv2.IMREAD_UNCHANGED)
+            path = self.folder / frame['depth']
+            depth = np.asarray(cv2.imread(str(path), cv2.IMREAD_UNCHANGED))
             z = depth[::step, ::step].astype(float) / self.scale
             v, u = np.mgrid[0:depth.shape[0]:step, 0:depth.shape[1]:step]
             rays = np.stack([u, v, np.ones_like(u)], axis=-1) @ np.linalg.inv(self.matrix).T
@@ -217,7 +217,7 @@ def on_surfaces(recording: Recording) -> tuple[object, ...]:
     result = mapped(recording.see())
     often = result.seen >= LEAST_SEEN
     lines = result.lines.chosen(often)
-    off = 100 * cKDTree(recording.surfaces()).query(samples(lines))[0]
+    off = 100 * np.asarray(cKDTree(recording.surfaces()).query(samples(lines))[0])
     long = lines.reaches[:, 1] - lines.reaches[:, 0] >= LENGTH
     return recording.folder.name, len(off), int(long.sum()), *_percentiles(off)
 
@@ -236,6 +236,34 @@ def left_out(recording: Recording) -> tuple[object, ...]:
         count.append(len(mine))
     return recording.folder.name, number(float(np.mean(count)), 1), *_percentiles(
         np.concatenate(off))
+
+
+def stereo(lam: float, frames: range, shape: tuple[int, int]) -> tuple[object, ...]:
+    """Return a row: matches of two cameras in the room."""
+    one, two = Walk(lam, NOISE, shape), Walk(lam, NOISE, shape, BASELINE)
+    here, there = one.see(frames), two.see(frames)
+    mine, theirs = one.depicted(here[::EVERY]), two.depicted(there[::EVERY])
+    counts = np.zeros(5)
+    for left, right in list(zip(here, there))[EVERY::EVERY]:
+        ours = np.array([mine.get(track, -1) for track in left.tracks.tolist()])
+        others = np.array([theirs.get(track, -2) for track in right.tracks.tolist()])
+        same = ours[:, None] == others
+        first, second = one.parts(left, ours), two.parts(right, others)
+        common = (np.minimum(first[:, None, 1], second[:, 1])
+                  - np.maximum(first[:, None, 0], second[:, 0]))
+        length = np.minimum(np.ptp(first, axis=1)[:, None], np.ptp(second, axis=1))
+        pose = right.pose.relative_to(left.pose)
+        epipolar = in_epipolar_planes(left.planes, pose.centre)
+        both = (same & (common > length / 2)).any(axis=1) & ~epipolar
+        found = match(Sight(left.planes, left.contrasts), Sight(right.planes, right.contrasts),
+                      pose)
+        mine_on, theirs_on = one.distances(left)[1], two.distances(right)[1]
+        judged = mine_on[found.left].any(axis=1) | theirs_on[found.right].any(axis=1)
+        agree = (mine_on[found.left] & theirs_on[found.right]).any(axis=1)
+        counts += (judged.sum(), agree.sum(), both.sum(), both[found.left[agree]].sum(),
+                   epipolar.mean())
+    return (f'lambda {lam:g}', int(counts[0]), number(counts[1] / counts[0]), int(counts[2]),
+            number(counts[3] / counts[2]), number(counts[4] / len(here[EVERY::EVERY]), 2))
 
 
 def measure(experiment: Experiment) -> str:
@@ -257,6 +285,14 @@ def measure(experiment: Experiment) -> str:
         'and 100 lines, with maps at 2 Hz and with one each frame.',
         table(('lens', 'lines', 'on edges', 'median', 'p90', 'all: median', 'p90', 'mapped',
                'stated', 'gain: normals', 'ends', 'ms', 'ms, each'), rows)]
+    rows = [stereo(lam, range(STEREO // every), experiment.effort.shape) for lam in LAMBDAS]
+    parts += [
+        f'Two cameras in the room, {BASELINE[0]:g} m beside each other; every {EVERY}th of '
+        f'{STEREO // every} frames. right: of the matches in which one line lies on a true edge, '
+        'those in which both lie on the same one; found: of the lines whose edge both cameras '
+        'see, half of the shorter one in common, and that lie in no epipolar plane.',
+        table(('lens', 'matches', 'right', 'in sight of both', 'found', 'in epipolar planes'),
+              rows)]
     if deep := [on_surfaces(one) for one in posed if one.scale]:
         parts += [f'Recordings with poses and depth: distance from surfaces, cm; long: lines of '
                   f'{LENGTH:g} m and more.',

@@ -5,12 +5,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from qflsd_ros.core import Tracker
+from qflsd_ros.core import Arcs, Tracker
 from qflsd_ros.core.geometry.planes import Planes, planes
 from qflsd_ros.core.lens.camera_model import CameraModel
 from qflsd_ros.core.pose import Pose
 from qflsd_ros.sources.scene import Scene
-from qflsd_ros.sources.scene.optics import calibration
+from qflsd_ros.sources.scene.optics import calibration, Camera
 
 BINS = 200          # parts of an edge
 CONTRAST = 10.0     # grey levels, of edges that can be found: five times the noise
@@ -21,11 +21,30 @@ EXACT = 2e-5        # radians: rays of arcs that are exact, by a model of Camera
 
 
 class Seen(NamedTuple):
-    """What the detector sees in a posed image: the track of each plane."""
+    """What the detector sees in a posed image: track and contrast of each plane."""
 
     tracks: np.ndarray
+    contrasts: np.ndarray
     planes: Planes
     pose: Pose
+
+    @classmethod
+    def of(cls, arcs: Arcs, camera: CameraModel, matrix: np.ndarray) -> Seen:
+        """Return what tracked arcs show to a camera with a pose, (4, 4)."""
+        found = planes(arcs, camera)
+        rows = arcs.table[found.arcs]
+        return cls(rows['track'].astype(np.int64), rows['contrast'].copy(), found,
+                   Pose.from_matrix(matrix))
+
+
+class Beside(Scene):
+    """The room, seen from beside the usual path: ``shift``, (3,) m, is along the image's axes."""
+
+    shift = np.zeros(3)
+
+    def _camera(self, number: int) -> Camera:
+        usual = super()._camera(number)
+        return Camera(usual.lens, usual.position + self.shift @ usual.axes, usual.axes)
 
 
 class Walk:
@@ -41,21 +60,21 @@ class Walk:
 
     """
 
-    def __init__(self, lam: float, noise: float, shape: tuple[int, int]) -> None:
+    def __init__(self, lam: float, noise: float, shape: tuple[int, int],
+                 shift: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> None:
         height, width = shape
-        self._scene = Scene(width, height, lam, noise)
+        self._scene = Beside(width, height, lam, noise)
+        self._scene.shift = np.array(shift)
         terms = calibration(self._scene.lens)
         self._camera = CameraModel(terms.distortion_model, terms.matrix, terms.coefficients)
         self.edges, self.focal = self._scene.edges, float(terms.matrix[0, 0])
 
-    def see(self, frames: range, shift: np.ndarray | None = None) -> list[Seen]:
-        """Return what is seen in frames, by a camera beside the usual one by ``shift``, m."""
+    def see(self, frames: range) -> list[Seen]:
+        """Return what is seen in frames."""
         tracker, found = Tracker(), []
         for number in frames:
             arcs = tracker.track(self._scene.image(number), lens=self._scene.lens)
-            seen = planes(arcs, self._camera)
-            found.append(Seen(arcs.table['track'][seen.arcs].astype(np.int64), seen,
-                              Pose.from_matrix(self._scene.pose(number))))
+            found.append(Seen.of(arcs, self._camera, self._scene.pose(number)))
         return found
 
     def visible(self, frames: range) -> np.ndarray:
@@ -63,7 +82,6 @@ class Walk:
         counts = np.zeros((len(self.edges), BINS), int)
         for number in frames:
             arcs = self._scene.truth(number)
-            arcs.table['contrast'][:] = np.nan_to_num(arcs.table['contrast'])
             table = arcs.table[arcs.table['contrast'] >= CONTRAST]
             rays = np.stack([self._camera.rays(table[end]) for end in ('start', 'end')], axis=1)
             edge, shares = _on_edges(self.edges, Pose.from_matrix(self._scene.pose(number)), rays)
@@ -77,10 +95,10 @@ class Walk:
         frames: dict[int, int] = {}
         votes: dict[int, dict[int, list[float]]] = {}
         for one in seen:
-            off, inside = _distances(self.edges, one.pose, one.planes.ends)
+            off, on = self.distances(one)
             for k, track in enumerate(one.tracks.tolist()):
                 frames[track] = frames.get(track, 0) + 1
-                for edge in np.flatnonzero((off[k] < NEAR / self.focal) & inside[k]):
+                for edge in np.flatnonzero(on[k]):
                     votes.setdefault(track, {}).setdefault(int(edge), []).append(off[k, edge])
         result = {}
         for track, edges in votes.items():
@@ -89,6 +107,21 @@ class Walk:
             if often:
                 result[track] = min(often)[1]
         return result
+
+    def distances(self, one: Seen) -> tuple[np.ndarray, np.ndarray]:
+        """Return how far planes are from edges, radians, and whether they show them: (N, E)."""
+        off, inside = _distances(self.edges, one.pose, one.planes.ends)
+        return off, (off < NEAR / self.focal) & inside
+
+    def parts(self, one: Seen, edges: np.ndarray) -> np.ndarray:
+        """Return which part of its edge, (N,), each plane shows, in shares: (N, 2), ascending."""
+        local = (self.edges[edges] - one.pose.centre) @ one.pose.rotation
+        start, along = local[:, 0], local[:, 1] - local[:, 0]
+        normals = np.cross(start, along)
+        cut = [-((np.cross(normals, start) * rays).sum(axis=1)
+                 / (np.cross(normals, along) * rays).sum(axis=1))
+               for rays in one.planes.ends.transpose(1, 0, 2)]
+        return np.sort(np.stack(cut, axis=1), axis=1)
 
 
 def _distances(edges: np.ndarray, pose: Pose, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

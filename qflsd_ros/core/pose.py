@@ -31,8 +31,9 @@ class Pose(NamedTuple):
         """
         size = np.linalg.norm(quaternion)
         if not (np.isfinite(quaternion).all() and np.isfinite(centre).all() and size > 0):
-            raise ValueError(f'quaternion {quaternion.tolist()} and position {centre.tolist()} are no '
-                             'pose: numbers must be finite, the quaternion not 0')
+            raise ValueError(
+                f'quaternion {quaternion.tolist()} and position {centre.tolist()} are no pose: '
+                'numbers must be finite, the quaternion not 0')
         x, y, z, w = quaternion / size
         rotation = np.array([
             [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],

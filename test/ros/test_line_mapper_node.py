@@ -12,7 +12,6 @@ from nav_msgs.msg import Odometry
 import numpy as np
 import pytest
 from qflsd_ros import records
-from qflsd_ros.core.geometry.planes import Planes
 from qflsd_ros.core.pose import Pose
 from qflsd_ros.ros.output import clouds
 from qflsd_ros.sources import Scene

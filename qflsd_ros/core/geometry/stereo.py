@@ -116,7 +116,8 @@ def _matches(left: Sight, right: Sight, pose: Pose, pairs: np.ndarray, epipolar:
     here = Pose(np.eye(3), np.zeros(3))
     views = np.stack([observed(Planes(*(values[some] for values in sight.planes)), place)
                       for sight, some, place in zip((left, right), pairs, (here, pose))], axis=1)
-    return Matches(*pairs, triangulate(views, np.full(pairs.shape[1], 2)), epipolar)
+    lines = triangulate(views, np.full(pairs.shape[1], 2))
+    return Matches(pairs[0], pairs[1], lines, epipolar)
 
 
 def in_epipolar_planes(planes: Planes, baseline: np.ndarray) -> np.ndarray:
@@ -150,5 +151,5 @@ def overlaps(left: Planes, right: Planes, pose: Pose) -> np.ndarray:
         first, last = angles[..., 0], angles[..., 1]
         common = np.minimum(last, length) - np.maximum(first, 0)
         union = np.maximum(last, length) - np.minimum(first, 0)
-        possible = (ours > 0).all(axis=2) & (theirs > 0).all(axis=2) & (last > first) & (common > 0)
-        return np.where(possible, common / union, 0.0)
+        front = (ours > 0).all(axis=2) & (theirs > 0).all(axis=2)
+        return np.where(front & (last > first) & (common > 0), common / union, 0.0)

@@ -42,10 +42,10 @@ NORMAL, ACROSS, TURN, CENTRE, START, END, EXPECTED, VIEW = 0, 3, 6, 9, 12, 15, 1
 # number of views that agree.
 (POINT, DIRECTION, SIDE, FIRST, LAST, COVARIANCE, PARALLAX, DISTANCE, MISFIT, AGREED,
  RESULT) = 0, 3, 6, 12, 13, 14, 30, 31, 32, 33, 34
-# Deviation of an edge's position, radians, beyond its stated covariance: neighbouring edges, texture
-# and the pixel grid shift edges.  It is .05 px at the focal length of 360 px of the rendered room,
-# on which it is tuned so that errors are as large as stated: with 30 % less they are a quarter more
-# than stated.
+# Deviation of an edge's position, radians, beyond its stated covariance: neighbouring edges,
+# texture and the pixel grid shift edges.  It is .05 px at the focal length of 360 px of the
+# rendered room, on which it is tuned so that errors are as large as stated: with 30 % less they
+# are a quarter more than stated.
 FLAW = 1.5e-4
 # Share of the squared flaw by which it differs from view to view; the rest is the same in all.
 # Tuned on the rendered room; twice as much changes the stated deviations by 5 %.
@@ -65,8 +65,8 @@ MAX_SCALE = 36.0
 # Least share of views that agree; with half of them or fewer, another line would do as well.
 SHARE = 0.5
 PAIRS = 40          # pairs that are tried at most; outliers in every third view leave 4 in 9 pure
-# Share of the views in which the edge may begin before the line does, or end after it.  Chosen, not
-# tuned: .1 and .35 change distances from true edges by 5 %.
+# Share of the views in which the edge may begin before the line does, or end after it.  Chosen,
+# not tuned: .1 and .35 change distances from true edges by 5 %.
 BEYOND = 0.25
 TINY = 1e-300
 Line = tuple[float, float, float, float, float, float]
@@ -80,7 +80,7 @@ class Memory(NamedTuple):
     slope: np.ndarray       # (4,)
     factor: np.ndarray      # (4, 4), Cholesky's
     squares: np.ndarray     # (K,) squared residuals
-    sorted: np.ndarray      # (K,)
+    ordered: np.ndarray     # (K,)
     weights: np.ndarray     # (K,)
 
 
@@ -361,8 +361,8 @@ def _step(views: np.ndarray, count: int, line: Line, memory: Memory) -> tuple[Li
 def _median(memory: Memory, count: int) -> float:
     """Return the median of the squared residuals, the higher one of two."""
     for k in range(count):
-        _insert(memory.sorted, k, memory.squares[k])
-    return memory.sorted[count // 2]
+        _insert(memory.ordered, k, memory.squares[k])
+    return memory.ordered[count // 2]
 
 
 @inlined
@@ -463,9 +463,9 @@ def _reach(views: np.ndarray, count: int, line: Line, memory: Memory) -> tuple[f
                 ray = views[k, column], views[k, column + 1], views[k, column + 2]
                 t, depth = _place(views[k], line, ray)
                 if depth > 0:
-                    _insert(memory.sorted, seen, sign * t)
+                    _insert(memory.ordered, seen, sign * t)
                     seen += 1
-        t = sign * memory.sorted[min(int(BEYOND * seen) + 1, seen - 1)] if seen else 0.0
+        t = sign * memory.ordered[min(int(BEYOND * seen) + 1, seen - 1)] if seen else 0.0
         first, last = (t, last) if sign > 0 else (first, t)
     return first, max(first, last)
 

@@ -42,7 +42,8 @@ def test_no_line_is_in_two_pairs():
 
 def test_lines_in_epipolar_planes_are_flagged_and_not_matched():
     baseline = BESIDE.centre
-    along = np.array([[[-0.5, y, 3.0]] for y in (-1, 0.3, 0.8)]) + np.array([[0.0], [5]]) * baseline
+    starts = np.array([[[-0.5, y, 3.0]] for y in (-1, 0.3, 0.8)])
+    along = starts + np.array([[0.0], [5]]) * baseline
     lines = np.concatenate([along, edges(20)])
     found = matched(lines, np.arange(23))
     assert found.epipolar[:3].all() and found.epipolar.mean() < 0.5
