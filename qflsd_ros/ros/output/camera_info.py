@@ -12,9 +12,9 @@ from qflsd_ros.sources.reasons import Reason
 from sensor_msgs.msg import CameraInfo
 from std_msgs.msg import Header
 
-# Coefficients in a message; rational_polynomial has 12 where the thin prism's are among them, a
-# number that OpenCV accepts, too.
-LENGTHS = {'plumb_bob': 5, 'rational_polynomial': 12, 'equidistant': 4}
+# Coefficients in a message, by ROS's convention.  Those of a thin prism follow as 4 more where a
+# camera has them, which OpenCV accepts.
+LENGTHS = {'plumb_bob': 5, 'rational_polynomial': 8, 'equidistant': 4}
 
 
 class CalibrationError(FrameError):
@@ -44,7 +44,7 @@ def camera_model(info: CameraInfo | None, topic: str, height: int, width: int) -
     if info is None:
         raise CalibrationError(
             Reason.NO_CALIBRATION,
-            f'no camera_info has been received on {topic}: planes need one')
+            f'no camera_info has been received on {topic}: planes and line_features need one')
     if size(info) != (width, height):
         raise CalibrationError(
             Reason.OTHER_CALIBRATION,
@@ -92,8 +92,10 @@ def uncalibrated(header: Header, model: DivisionModel) -> CameraInfo:
 
 def calibrated(header: Header, camera: CameraModel, height: int, width: int) -> CameraInfo:
     """Return the CameraInfo of a calibrated camera without rotation, for images of its size."""
-    return _info(header, (height, width), camera.model, camera.matrix,
-                 camera.coefficients[:LENGTHS[camera.model]])
+    length = LENGTHS[camera.model]
+    coefficients = camera.coefficients if camera.coefficients[length:].any() \
+        else camera.coefficients[:length]
+    return _info(header, (height, width), camera.model, camera.matrix, coefficients)
 
 
 def _info(header: Header, shape: tuple[int, int], model: str, matrix: np.ndarray,
