@@ -1,8 +1,9 @@
 """
-The chart: an index image, in which each pixel holds the number of the track that covers it.
+The chart: an index image, in which each pixel holds the number of the closest track.
 
-Tracks are entered one by one, and a pixel keeps the first track that covers it.  A look-up of the
-track beside a point takes the same time however many tracks there are.
+Tracks are entered one by one; of two tracks that cover a pixel, it keeps the closer one, so that
+both sides of a thin line are found.  A look-up of the track beside a point takes the same time
+however many tracks there are.
 """
 from __future__ import annotations
 
@@ -22,9 +23,16 @@ EVERY = 3.0         # px between the sampled points of an arc; chosen, not tuned
 SHARED = 3
 
 
+@inlined
+def _is_closer(rows: np.ndarray, other: int, u: int, v: int, distance: float) -> bool:
+    """Return whether a distance, px, is smaller than that of another track from a pixel."""
+    _, off = curve.place(curve.curve(rows, other), u, v)
+    return distance < abs(off)
+
+
 @compiled
 def enter(chart: np.ndarray, rows: np.ndarray, i: int) -> None:
-    """Write the number i of a track to the pixels that it covers, where there is no other."""
+    """Write the number i of a track to the pixels that it covers, where no other is closer."""
     height, width = chart.shape
     arc = curve.curve(rows, i)
     steps = int(math.ceil(curve.length(arc)))
@@ -34,7 +42,11 @@ def enter(chart: np.ndarray, rows: np.ndarray, i: int) -> None:
         across_x = abs(nx) >= abs(ny)
         for k in range(-BESIDE, BESIDE + 1):
             u, v = (column + k, row) if across_x else (column, row + k)
-            if 0 <= u < width and 0 <= v < height and chart[v, u] == NOBODY:
+            if not (0 <= u < width and 0 <= v < height) or chart[v, u] == i:
+                continue
+            other = int(chart[v, u])
+            if other == NOBODY or _is_closer(rows, other, u, v,
+                                             abs((u - x) * nx + (v - y) * ny)):
                 chart[v, u] = i
 
 

@@ -63,6 +63,27 @@ def test_lines_keep_their_identity_their_place_and_their_direction():
     assert min(turned) > 0.8
 
 
+def grille(shift: float) -> np.ndarray:
+    """Return a view of slanted bars half a period of 4.8 px wide, moved along x."""
+    y, x = np.mgrid[:HEIGHT, :WIDTH].astype(np.float64)
+    across = (x - 0.05 * y - shift) / 4.8
+    image = 110 + 90 * np.sin(2 * np.pi * across)
+    image[:, :100] = image[:, 200:] = 60
+    return image
+
+
+def test_no_bar_of_a_grille_is_followed_twice():
+    tracker, random = Tracker(), np.random.default_rng(1)
+    for i in range(20):
+        view = grille(0.5 * i) + random.normal(0, 2, (HEIGHT, WIDTH))
+        found = tracker.track(np.clip(view, 0, 255).astype(np.uint8)).table
+        long = found[found['length'] > 150]
+        at = long['middle'] @ np.array([1, -0.05])     # the same all along a bar
+        down = long['end'][:, 1] > long['start'][:, 1]
+        for side in (at[down], at[~down]):
+            assert len(side) > 15 and np.diff(np.sort(side)).min() > 3.5
+
+
 def test_identities_are_unique_in_a_frame_and_begin_at_1():
     tracker = Tracker()
     for frame in frames(10):
