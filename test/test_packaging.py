@@ -17,7 +17,7 @@ import rclpy
 pytestmark = pytest.mark.slow
 ROOT = Path(__file__).parents[1]
 TIMEOUT = 180.0  # s; generous: the machine may be busy, and kernels have to be compiled
-SOURCES = ('config', 'launch', 'qflsd_ros', 'resource', 'test', 'CHANGELOG.rst', 'LICENSE',
+SOURCES = ('config', 'examples', 'launch', 'qflsd_ros', 'resource', 'test', 'CHANGELOG.rst', 'LICENSE',
            'package.xml', 'pyproject.toml', 'setup.cfg', 'setup.py')
 EXECUTABLES = ('camera', 'demo', 'detect', 'detector')
 COLCON = 'import sys; from colcon_core.command import main; sys.exit(main())'
