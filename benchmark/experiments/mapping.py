@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from benchmark.datasets import read_gray
 from benchmark.experiment import Experiment
 from benchmark.report import number, section, table
-from benchmark.scenes.walk import EVERY, Seen, Walk
+from benchmark.scenes.walk import EVERY, NEAR, Seen, Walk
 import cv2
 import numpy as np
 from qflsd_ros.core import Tracker
@@ -257,9 +257,11 @@ def stereo(lam: float, frames: range, shape: tuple[int, int]) -> tuple[object, .
         both = (same & (common > length / 2)).any(axis=1) & ~epipolar
         found = match(Sight(left.planes, left.contrasts), Sight(right.planes, right.contrasts),
                       pose)
-        mine_on, theirs_on = one.distances(left)[1], two.distances(right)[1]
-        judged = mine_on[found.left].any(axis=1) | theirs_on[found.right].any(axis=1)
-        agree = (mine_on[found.left] & theirs_on[found.right]).any(axis=1)
+        (on, nearly), (there_on, there_nearly) = (
+            [walk.distances(seen, near)[1][some] for near in (NEAR, 2 * NEAR)]
+            for walk, seen, some in ((one, left, found.left), (two, right, found.right)))
+        judged = on.any(axis=1) | there_on.any(axis=1)
+        agree = ((on & there_nearly) | (nearly & there_on)).any(axis=1)
         counts += (judged.sum(), agree.sum(), both.sum(), both[found.left[agree]].sum(),
                    epipolar.mean())
     return (f'lambda {lam:g}', int(counts[0]), number(counts[1] / counts[0]), int(counts[2]),
@@ -288,9 +290,10 @@ def measure(experiment: Experiment) -> str:
     rows = [stereo(lam, range(STEREO // every), experiment.effort.shape) for lam in LAMBDAS]
     parts += [
         f'Two cameras in the room, {BASELINE[0]:g} m beside each other; every {EVERY}th of '
-        f'{STEREO // every} frames. right: of the matches in which one line lies on a true edge, '
-        'those in which both lie on the same one; found: of the lines whose edge both cameras '
-        'see, half of the shorter one in common, and that lie in no epipolar plane.',
+        f'{STEREO // every} frames. right: of the matches in which one line lies within '
+        f'{NEAR:g} px of a true edge, those in which the other one lies within {2 * NEAR:g} px of '
+        'the same; found: of the lines whose edge both cameras see, half of the shorter one in '
+        'common, and that lie in no epipolar plane.',
         table(('lens', 'matches', 'right', 'in sight of both', 'found', 'in epipolar planes'),
               rows)]
     if deep := [on_surfaces(one) for one in posed if one.scale]:

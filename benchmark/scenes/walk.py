@@ -108,10 +108,14 @@ class Walk:
                 result[track] = min(often)[1]
         return result
 
-    def distances(self, one: Seen) -> tuple[np.ndarray, np.ndarray]:
-        """Return how far planes are from edges, radians, and whether they show them: (N, E)."""
+    def distances(self, one: Seen, near: float = NEAR) -> tuple[np.ndarray, np.ndarray]:
+        """
+        Return how far planes are from edges, radians, and whether they show them: (N, E) each.
+
+        An arc shows an edge if it lies within ``near`` px of the edge's image all along.
+        """
         off, inside = _distances(self.edges, one.pose, one.planes.ends)
-        return off, (off < NEAR / self.focal) & inside
+        return off, (off < near / self.focal) & inside
 
     def parts(self, one: Seen, edges: np.ndarray) -> np.ndarray:
         """Return which part of its edge, (N,), each plane shows, in shares: (N, 2), ascending."""
