@@ -103,6 +103,22 @@ class Detector:
             self._memory = _Memory(*gray.shape)
         return self._detect(gray, self._memory.region(mask), lens)
 
+    def look(self, gray: np.ndarray, mask: np.ndarray | None = None) -> None:
+        """
+        Replace ``frame`` by that of the next image without detecting arcs.
+
+        The next image has the size of the last one, whose noise and thresholds it keeps, since
+        both change slowly.  Arguments and errors are those of :meth:`detect`; ValueError if there
+        is no ``frame`` or it has another size.
+        """
+        _check(gray, mask, None)
+        if self.frame is None or self.frame.dx.shape != gray.shape:
+            raise ValueError(f'image has shape {gray.shape}: must be that of the last image, '
+                             f'{None if self.frame is None else self.frame.dx.shape}')
+        memory = self._memory
+        gradients.compute(np.ascontiguousarray(gray), self.frame.blur, memory.dx, memory.dy)
+        self.frame = self.frame._replace(region=memory.region(mask))
+
     def _detect(self, gray: np.ndarray, region: Region, lens: DivisionModel | None) -> Arcs:
         """Find the arcs of a region, stage by stage."""
         memory = self._memory

@@ -126,6 +126,11 @@ class Parameters:
     max_gap: float = parameter(
         60.0, 'Longest gap over which two pieces are joined to one arc; 0 disables joining.',
         'px', 0.0, 1000.0)
+    detect_every: int = parameter(
+        1, 'Tracking only: one of so many images is searched for arcs; in those between, lines '
+        'that are followed already are measured alone, which takes a fraction of the time. Lines '
+        'that come into sight are found with the next search.',
+        'images', 1, 100)
     paper_epsilon: float = parameter(
         500.0, 'Method paper only: bound epsilon on the algebraic error E of equation (10).',
         'px^2', 0.001, 1000000.0)

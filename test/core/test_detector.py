@@ -275,3 +275,27 @@ def test_short_arcs_are_more_exact_through_a_known_lens(lam):
             errors.extend(bends(arcs, room.lens)[arcs.table['length'] < 80])
     assert len(usual) > 100 and len(known) > 0.9 * len(usual)
     assert np.median(known) < 0.75 * np.median(usual)
+
+
+def test_look_replaces_the_gradients_and_keeps_noise_and_thresholds():
+    random = np.random.default_rng(3)
+    first, second = random.integers(0, 255, (2, 60, 80)).astype(np.uint8)
+    detector, other = Detector(), Detector()
+    detector.detect(first)
+    before = detector.frame
+    detector.look(second)
+    other.detect(second)
+    after, wanted = detector.frame, other.frame
+    assert (after.noise, after.blur, after.low, after.high) == (
+        before.noise, before.blur, before.low, before.high)
+    assert before.blur == wanted.blur and np.array_equal(after.dx, wanted.dx)
+    assert len(detector.detect(second)) == len(other.detect(second))
+
+
+def test_look_needs_an_image_of_the_same_size_before():
+    detector = Detector()
+    with pytest.raises(ValueError, match='must be that of the last image'):
+        detector.look(np.zeros((60, 80), np.uint8))
+    detector.detect(np.zeros((60, 80), np.uint8))
+    with pytest.raises(ValueError, match=r'\(50, 80\): must be that of the last image'):
+        detector.look(np.zeros((50, 80), np.uint8))

@@ -13,10 +13,10 @@ import numpy as np
 from qflsd_ros.core.compilation import compiled, inlined
 from qflsd_ros.core.detection.suppression import HIDDEN
 from qflsd_ros.core.tracking import curve
-from qflsd_ros.core.tracking.chart import enter, EVERY, NOBODY, owner
-from qflsd_ros.core.tracking.looks import ONE_SIDED
+from qflsd_ros.core.tracking.chart import Chart, enter, EVERY, NOBODY, owner
+from qflsd_ros.core.tracking.motion.looks import ONE_SIDED
 from qflsd_ros.core.tracking.state import POLARITY, SCORE
-from qflsd_ros.core.tracking.union import lengthen
+from qflsd_ros.core.tracking.union import APART, CHANGED, lengthen
 
 # Origin of these: chosen on photographs seen by a turning camera; they were not varied one by one.
 NEAR = 2.0          # px from a track to an arc on it, at most
@@ -57,7 +57,7 @@ def _add(tally: Tally, count: int, track: int, length: float) -> int:
 
 
 @inlined
-def _compare(chart: np.ndarray, rows: np.ndarray, arc: curve.Curve, polarity: float,
+def _compare(chart: Chart, rows: np.ndarray, arc: curve.Curve, polarity: float,
              distance: float, tally: Tally) -> tuple[int, float]:
     """Fill the tally of an arc; return the number of its tracks, and its length on any, px."""
     size = curve.length(arc)
@@ -65,7 +65,7 @@ def _compare(chart: np.ndarray, rows: np.ndarray, arc: curve.Curve, polarity: fl
     length, count, beside = size / (steps + 1), 0, 0.0
     for j in range(steps + 1):
         x, y, nx, ny = curve.at(arc, 2 * j / steps - 1)
-        track, cosine = owner(chart, rows, x, y, nx, ny, max(NEAR, distance))
+        track, cosine = owner(chart, x, y, nx, ny, max(NEAR, distance))
         if track == NOBODY:
             continue
         beside += length
@@ -88,21 +88,21 @@ def _credit(tally: Tally, count: int, score: float, outcome: Outcome) -> int:
 
 
 @inlined
-def _lengthen(chart: np.ndarray, rows: np.ndarray, track: int, arcs: np.ndarray, i: int,
+def _lengthen(chart: Chart, rows: np.ndarray, track: int, arcs: np.ndarray, i: int,
               shared: float) -> bool:
     """Lengthen a track by an arc that shares enough of its length; return whether it could."""
     own, arc = curve.curve(rows, track), curve.curve(arcs, i)
     if shared < AT_LEAST * min(curve.length(arc), curve.length(own)):
         return False
     forwards = own[2] * arc[2] + own[3] * arc[3] > 0
-    if not lengthen(rows, track, arcs, i, forwards):
-        return False
-    enter(chart, rows, track)
-    return True
+    union = lengthen(rows, track, arcs, i, forwards)
+    if union == CHANGED:
+        enter(chart, rows, track)
+    return union != APART
 
 
 @compiled
-def associate(chart: np.ndarray, rows: np.ndarray, arcs: np.ndarray, distance: float,
+def associate(chart: Chart, rows: np.ndarray, arcs: np.ndarray, distance: float,
               tally: Tally, outcome: Outcome) -> None:
     """
     Compare arcs with the tracks, and lengthen those on which they lie.
@@ -110,7 +110,7 @@ def associate(chart: np.ndarray, rows: np.ndarray, arcs: np.ndarray, distance: f
     Parameters
     ----------
     chart
-        (H, W) int16, with the confirmed tracks.
+        With the confirmed tracks.
     rows
         (M, COLUMNS) float64, the tracks.
     arcs

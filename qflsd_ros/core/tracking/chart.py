@@ -8,13 +8,15 @@ however many tracks there are.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from qflsd_ros.core.compilation import compiled, inlined
 from qflsd_ros.core.detection.suppression import HIDDEN, PARALLEL
 from qflsd_ros.core.tracking import curve
-from qflsd_ros.core.tracking.union import lengthen
+from qflsd_ros.core.tracking.state import MOST
+from qflsd_ros.core.tracking.union import APART, lengthen
 
 NOBODY = -1         # a pixel without a track
 BESIDE = 2          # px on either side that a track covers; chosen, not tuned
@@ -23,18 +25,38 @@ EVERY = 3.0         # px between the sampled points of an arc; chosen, not tuned
 SHARED = 3
 
 
+class Chart(NamedTuple):
+    """The tracks that have been entered, by place and by number."""
+
+    pixels: np.ndarray      # (H, W) int16, number of the closest track, or NOBODY
+    curves: np.ndarray      # (MOST, 7) float64, the curve of each track
+
+
+def empty(shape: tuple[int, int]) -> Chart:
+    """Return a chart without tracks for images of a shape (height, width)."""
+    return Chart(np.full(shape, NOBODY, np.int16), np.empty((MOST, curve.NUMBERS)))
+
+
 @inlined
-def _is_closer(rows: np.ndarray, other: int, u: int, v: int, distance: float) -> bool:
+def _curve(chart: Chart, i: int) -> curve.Curve:
+    """Return the curve of an entered track."""
+    c = chart.curves[i]
+    return c[0], c[1], c[2], c[3], c[4], c[5], c[6]
+
+
+@inlined
+def _is_closer(chart: Chart, other: int, u: int, v: int, distance: float) -> bool:
     """Return whether a distance, px, is smaller than that of another track from a pixel."""
-    _, off = curve.place(curve.curve(rows, other), u, v)
+    _, off = curve.place(_curve(chart, other), u, v)
     return distance < abs(off)
 
 
 @compiled
-def enter(chart: np.ndarray, rows: np.ndarray, i: int) -> None:
+def enter(chart: Chart, rows: np.ndarray, i: int) -> None:
     """Write the number i of a track to the pixels that it covers, where no other is closer."""
-    height, width = chart.shape
+    height, width = chart.pixels.shape
     arc = curve.curve(rows, i)
+    chart.curves[i] = arc
     steps = int(math.ceil(curve.length(arc)))
     for j in range(steps + 1):
         x, y, nx, ny = curve.at(arc, 2 * j / max(steps, 1) - 1)
@@ -42,16 +64,16 @@ def enter(chart: np.ndarray, rows: np.ndarray, i: int) -> None:
         across_x = abs(nx) >= abs(ny)
         for k in range(-BESIDE, BESIDE + 1):
             u, v = (column + k, row) if across_x else (column, row + k)
-            if not (0 <= u < width and 0 <= v < height) or chart[v, u] == i:
+            if not (0 <= u < width and 0 <= v < height) or chart.pixels[v, u] == i:
                 continue
-            other = int(chart[v, u])
-            if other == NOBODY or _is_closer(rows, other, u, v,
+            other = int(chart.pixels[v, u])
+            if other == NOBODY or _is_closer(chart, other, u, v,
                                              abs((u - x) * nx + (v - y) * ny)):
-                chart[v, u] = i
+                chart.pixels[v, u] = i
 
 
 @inlined
-def owner(chart: np.ndarray, rows: np.ndarray, x: float, y: float, nx: float, ny: float,
+def owner(chart: Chart, x: float, y: float, nx: float, ny: float,
           distance: float) -> tuple[int, float]:
     """
     Return the track within ``distance`` px of a point, and parallel to it, or NOBODY.
@@ -59,12 +81,12 @@ def owner(chart: np.ndarray, rows: np.ndarray, x: float, y: float, nx: float, ny
     The point has the normal (nx, ny).  The second number is the cosine between this normal and
     that of the track: below 0 if their brighter sides are opposite.
     """
-    height, width = chart.shape
+    height, width = chart.pixels.shape
     column, row = int(math.floor(x + 0.5)), int(math.floor(y + 0.5))
-    if not (0 <= column < width and 0 <= row < height) or chart[row, column] == NOBODY:
+    if not (0 <= column < width and 0 <= row < height) or chart.pixels[row, column] == NOBODY:
         return NOBODY, 0.0
-    track = int(chart[row, column])
-    arc = curve.curve(rows, track)
+    track = int(chart.pixels[row, column])
+    arc = _curve(chart, track)
     share, off = curve.place(arc, x, y)
     _, _, mx, my = curve.at(arc, min(max(share, -1.0), 1.0))
     if abs(off) > distance or abs(nx * my - ny * mx) > PARALLEL:
@@ -73,7 +95,7 @@ def owner(chart: np.ndarray, rows: np.ndarray, x: float, y: float, nx: float, ny
 
 
 @compiled
-def enter_all(chart: np.ndarray, rows: np.ndarray, order: np.ndarray, distance: float,
+def enter_all(chart: Chart, rows: np.ndarray, order: np.ndarray, distance: float,
               hidden: np.ndarray, absorbed: np.ndarray) -> None:
     """
     Enter tracks in order, except for those hidden by tracks that were entered before.
@@ -84,7 +106,7 @@ def enter_all(chart: np.ndarray, rows: np.ndarray, order: np.ndarray, distance: 
     Parameters
     ----------
     chart
-        (H, W) int16.
+        Without tracks before the call.
     rows
         (M, COLUMNS) float64, the tracks.
     order
@@ -101,7 +123,7 @@ def enter_all(chart: np.ndarray, rows: np.ndarray, order: np.ndarray, distance: 
         on_others, last, on_last = 0, NOBODY, 0
         for j in range(steps + 1):
             x, y, nx, ny = curve.at(arc, 2 * j / steps - 1)
-            track, cosine = owner(chart, rows, x, y, nx, ny, distance)
+            track, cosine = owner(chart, x, y, nx, ny, distance)
             if track == NOBODY:
                 continue
             on_others += 1
@@ -109,7 +131,7 @@ def enter_all(chart: np.ndarray, rows: np.ndarray, order: np.ndarray, distance: 
                 on_last = on_last + 1 if track == last else 1
                 last = track
         hidden[i] = on_others >= HIDDEN * (steps + 1)
-        if not hidden[i] and on_last >= SHARED and lengthen(rows, last, rows, i, True):
+        if not hidden[i] and on_last >= SHARED and lengthen(rows, last, rows, i, True) != APART:
             hidden[i] = absorbed[i] = True
             enter(chart, rows, last)
         if not hidden[i]:

@@ -22,6 +22,7 @@ STEEPEST = 0.05
 
 # Origin x, y, direction x, y, half chord, sagitta, curvature.
 Curve = tuple[float, float, float, float, float, float, float]
+NUMBERS = 7         # of a curve
 
 
 @inlined

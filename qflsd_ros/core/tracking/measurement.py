@@ -9,14 +9,15 @@ part does not rotate about that part.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from qflsd_ros.core.compilation import compiled, inlined
 from qflsd_ros.core.detection.frame import Frame
 from qflsd_ros.core.tracking import curve
-from qflsd_ros.core.tracking.looks import nearest, ONE_SIDED, weakest
-from qflsd_ros.core.tracking.normals import edges_along, in_sight
+from qflsd_ros.core.tracking.motion.looks import nearest, ONE_SIDED, weakest
+from qflsd_ros.core.tracking.normals import EDGES, edges_along, in_sight
 from qflsd_ros.core.tracking.state import (
     CONTRAST, EDGES as EDGE_COUNT, END, FIRST, LAST, MIDDLE, POLARITY, RMS, SHIFT, START, STEP,
     SUPPORT, TURN)
@@ -39,6 +40,21 @@ OWN = 0.5               # gain of a track's own motion, relative to the field, f
 Fit = tuple[float, float, float]
 
 
+class Normals(NamedTuple):
+    """Memory for the normals of one track."""
+
+    shares: np.ndarray      # (MOST,) float64, position of each along the chord, -1 to 1
+    found: np.ndarray       # (MOST, EDGES) float64, distances of edges along it, px
+    counts: np.ndarray      # (MOST,) int64, number of these edges
+    strength: np.ndarray    # (MOST, EDGES) float64, their gradients, grey levels
+
+
+def memory() -> Normals:
+    """Return memory for the normals of one track."""
+    return Normals(np.empty(MOST), np.empty((MOST, EDGES)), np.empty(MOST, np.int64),
+                   np.empty((MOST, EDGES)))
+
+
 @inlined
 def _value(fit: Fit, s: float) -> float:
     """Return the fitted distance from the predicted place at the position s, px."""
@@ -46,15 +62,14 @@ def _value(fit: Fit, s: float) -> float:
 
 
 @inlined
-def _fit(shares: np.ndarray, found: np.ndarray, counts: np.ndarray, n: int, fit: Fit,
-         gate: float, terms: int) -> Fit:
+def _fit(normals: Normals, n: int, fit: Fit, gate: float, terms: int) -> Fit:
     """Return the fit, with 1 to 3 ``terms``, to the edges nearest to the previous ``fit``."""
     a00, a11, a22 = STIFF
     a01 = a02 = a12 = b0 = b1 = b2 = 0.0
     for k in range(n):
-        s = shares[k]
+        s = normals.shares[k]
         q = s * s - 1 / 3
-        e = nearest(found[k], counts[k], _value(fit, s))
+        e = nearest(normals.found[k], normals.counts[k], _value(fit, s))
         r = e - _value(fit, s)
         if not abs(r) < gate:
             continue
@@ -81,8 +96,9 @@ def _fit(shares: np.ndarray, found: np.ndarray, counts: np.ndarray, n: int, fit:
 
 
 @inlined
-def _move(rows: np.ndarray, i: int, arc: curve.Curve, fit: Fit) -> None:
+def _move(rows: np.ndarray, i: int, fit: Fit) -> None:
     """Move start, middle and end of a track along their normals."""
+    arc = curve.curve(rows, i)
     for column, s in ((START, -1.0), (MIDDLE, 0.0), (END, 1.0)):
         x, y, nx, ny = curve.at(arc, s)
         off = _value(fit, s)
@@ -102,36 +118,67 @@ def _shorten(rows: np.ndarray, i: int, first: float, last: float) -> None:
 
 
 @inlined
-def _write(rows: np.ndarray, i: int, shares: np.ndarray, found: np.ndarray, counts: np.ndarray,
-           strength: np.ndarray, n: int, fit: Fit, arc: curve.Curve, points: np.ndarray) -> None:
+def _index_of_nearest(distances: np.ndarray, count: int, expected: float) -> int:
+    """Return the index of the edge nearest to an expected one within CLOSE px, or -1."""
+    best, least = -1, CLOSE
+    for e in range(count):
+        if abs(distances[e] - expected) < least:
+            best, least = e, abs(distances[e] - expected)
+    return best
+
+
+@inlined
+def _write(rows: np.ndarray, i: int, normals: Normals, n: int, fit: Fit,
+           points: np.ndarray) -> None:
     """Write the support of a fit: its share, extent, rms, contrast and edge points."""
+    arc = curve.curve(rows, i)
     inliers, squares, steps = 0, 0.0, 0.0
-    half = 1 / min(max(int(2 * arc[4] / SPACING), LEAST), MOST)
+    half = 1 / _count(arc)
     rows[i, FIRST], rows[i, LAST] = 1.0, -1.0
     for k in range(n):
-        expected = _value(fit, shares[k])
-        best = -1
-        for e in range(counts[k]):
-            if best < 0 or abs(found[k, e] - expected) < abs(found[k, best] - expected):
-                best = e
-        if best < 0 or not abs(found[k, best] - expected) < CLOSE:
+        share = normals.shares[k]
+        expected = _value(fit, share)
+        best = _index_of_nearest(normals.found[k], normals.counts[k], expected)
+        if best < 0:
             continue
-        x, y, nx, ny = curve.at(arc, shares[k])
-        points[i, inliers, 0] = x + found[k, best] * nx
-        points[i, inliers, 1] = y + found[k, best] * ny
+        off = normals.found[k, best]
+        x, y, nx, ny = curve.at(arc, share)
+        points[i, inliers, 0], points[i, inliers, 1] = x + off * nx, y + off * ny
         inliers += 1
-        squares += (found[k, best] - expected) ** 2
-        steps += strength[k, best]
-        rows[i, FIRST] = min(rows[i, FIRST], shares[k] - half)
-        rows[i, LAST] = max(rows[i, LAST], shares[k] + half)
+        squares += (off - expected) ** 2
+        steps += normals.strength[k, best]
+        rows[i, FIRST] = min(rows[i, FIRST], share - half)
+        rows[i, LAST] = max(rows[i, LAST], share + half)
     rows[i, SUPPORT], rows[i, EDGE_COUNT] = inliers / max(n, 1), inliers
     if inliers > 0:
         rows[i, RMS], rows[i, STEP] = math.sqrt(squares / inliers), steps / inliers
 
 
+@inlined
+def _count(arc: curve.Curve) -> int:
+    """Return the number of normals of an arc."""
+    return min(max(int(2 * arc[4] / SPACING), LEAST), MOST)
+
+
+@inlined
+def _look(image: Frame, rows: np.ndarray, i: int, normals: Normals) -> int:
+    """Find the edges along the normals of a track; return the number of normals in sight."""
+    arc = curve.curve(rows, i)
+    least, signed = weakest(rows, i, image.noise), rows[i, POLARITY] > ONE_SIDED
+    n, count = 0, _count(arc)
+    for j in range(count):
+        s = (2 * j + 1) / count - 1
+        x, y, nx, ny = curve.at(arc, s)
+        if in_sight(image, x, y):
+            normals.shares[n] = s
+            normals.counts[n] = edges_along(image, (x, y, nx, ny), REACH, least, signed,
+                                            normals.found[n], normals.strength[n])
+            n += 1
+    return n
+
+
 @compiled
-def measure(image: Frame, rows: np.ndarray, needed: np.ndarray, shares: np.ndarray,
-            found: np.ndarray, counts: np.ndarray, strength: np.ndarray,
+def measure(image: Frame, rows: np.ndarray, needed: np.ndarray, normals: Normals,
             points: np.ndarray) -> None:
     """
     Measure all tracks near their predicted places.
@@ -144,35 +191,24 @@ def measure(image: Frame, rows: np.ndarray, needed: np.ndarray, shares: np.ndarr
         (M, COLUMNS) float64, the tracks; those with sufficient support are moved.
     needed
         (M,) float64, least share of the normals in sight with an edge within CLOSE.
-    shares, found, counts, strength
-        (MOST,), (MOST, EDGES), (MOST,) and (MOST, EDGES), scratch.
+    normals
+        Scratch.
     points
         (M, MOST, 2) float64, receives the edges that support each track, px, in order along it.
 
     """
     for i in range(len(rows)):
-        arc = curve.curve(rows, i)
-        least, signed = weakest(rows, i, image.noise), rows[i, POLARITY] > ONE_SIDED
-        n, normals = 0, min(max(int(2 * arc[4] / SPACING), LEAST), MOST)
-        for j in range(normals):
-            s = (2 * j + 1) / normals - 1
-            x, y, nx, ny = curve.at(arc, s)
-            if in_sight(image, x, y):
-                shares[n] = s
-                counts[n] = edges_along(image, (x, y, nx, ny), REACH, least, signed, found[n],
-                                        strength[n])
-                n += 1
+        n = _look(image, rows, i, normals)
         if n < LEAST_SEEN:
             rows[i, SUPPORT], rows[i, EDGE_COUNT] = 0.0, 0.0
             continue
         fit = 0.0, 0.0, 0.0
         for step, gate in enumerate(GATES):
-            terms = min(step + 1, 3 if n >= BENDS else 2)
-            fit = _fit(shares, found, counts, n, fit, gate, terms)
-        _write(rows, i, shares, found, counts, strength, n, fit, arc, points)
+            fit = _fit(normals, n, fit, gate, min(step + 1, 3 if n >= BENDS else 2))
+        _write(rows, i, normals, n, fit, points)
         if rows[i, SUPPORT] >= needed[i]:
-            _move(rows, i, arc, fit)
-            _shorten(rows, i, shares[0], shares[n - 1])
+            _move(rows, i, fit)
+            _shorten(rows, i, normals.shares[0], normals.shares[n - 1])
             rows[i, CONTRAST] += (1 - MEMORY) * (rows[i, STEP] - rows[i, CONTRAST])
             rows[i, SHIFT] += OWN * fit[0]
             rows[i, TURN] += OWN * fit[1]

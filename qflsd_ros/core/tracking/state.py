@@ -16,19 +16,17 @@ SCORE = 8           # running mean of the scores of arcs on it; 0 in a frame wit
 IDENTITY = 9
 AGE = 10            # frames in which it was reported
 LOST = 11           # frames since it was confirmed
-DETECTED = 12       # running mean of the frames in which arcs cover it: 0 to 1
 # Own motion along the normal relative to the field, px in a frame: of its middle, and of its end
 # relative to the middle.
-SHIFT, TURN = 13, 14
-SUPPORT = 15        # share of its normals in sight that have a supporting edge
-FIRST, LAST = 16, 17    # its supported part: from -1 at its start to 1 at its end
-RMS = 18            # px, rms distance of the supporting edges
-EDGES = 19          # number of supporting edges
-CONFIRMED = 20      # 1 where its support suffices in this frame
-HELD = 21           # 1 where no arc was detected on it in this frame
-STEP = 22           # grey levels, mean step across in this frame
-REPORTED = 23       # 1 where it is confirmed and its score suffices
-COLUMNS = 24
+SHIFT, TURN = 12, 13
+SUPPORT = 14        # share of its normals in sight that have a supporting edge
+FIRST, LAST = 15, 16    # its supported part: from -1 at its start to 1 at its end
+RMS = 17            # px, rms distance of the supporting edges
+EDGES = 18          # number of supporting edges
+HELD = 19           # 1 where no arc was detected on it in this frame
+STEP = 20           # grey levels, mean step across in this frame
+REPORTED = 21       # 1 where it is confirmed and its score suffices
+COLUMNS = 22
 
 MOST = 4096         # tracks, lost ones included: more than an image has arcs; chosen, not tuned
 

@@ -14,32 +14,15 @@ from qflsd_ros.core.detection.frame import Frame
 from qflsd_ros.core.detector import Detector
 from qflsd_ros.core.lens.division import DivisionModel
 from qflsd_ros.core.parameters import Parameters
-from qflsd_ros.core.tracking import report, state
+from qflsd_ros.core.tracking import chart, confirmation, measurement, report, state
 from qflsd_ros.core.tracking.association import associate, NEW, Outcome, PLACES, Tally
-from qflsd_ros.core.tracking.chart import enter_all, NOBODY
-from qflsd_ros.core.tracking.measurement import measure, MOST
-from qflsd_ros.core.tracking.motion import Motion
-from qflsd_ros.core.tracking.normals import EDGES
+from qflsd_ros.core.tracking.measurement import MOST
+from qflsd_ros.core.tracking.motion.prediction import Motion
 from qflsd_ros.core.tracking.state import Tracks
 
 LAST_IDENTITY = 2 ** 24     # consumers carry identities as float32, which is exact up to there
-# All of the following but SUPPORTED are chosen, not tuned.
-# Least share of supported normals of a track of the last frame.  Tuned on photographs seen by a
-# turning camera: of 0.3 to 0.5, 0.3 keeps most identities, and as many lines are right (to 0.001).
-SUPPORTED = 0.3
-FOUND_AGAIN = 0.6           # the same for a lost track
-NEVER = 2.0                 # the same, above any share, so that no track is confirmed
-# Least score of a reported track, relative to min_score: of a new one, and of one reported in the
-# last frame (hysteresis).
-SURER, LESS = 2.0, -3.0
-CLOSER = 0.7                # largest distance of a hidden track, as a share of min_distance
-PATIENCE = 60               # frames for which a lost track is kept that was established
-ESTABLISHED = 3             # frames in which a track must have been reported to be established
-YOUNG = 5                   # frames for which other lost tracks are kept
-FORGOTTEN = 1.0             # score below which a track ends
-RECENT = 0.9                # weight of the past in running means over frames
-COVERED = 0.5               # least share of a track's chord with arcs on it, to be detected
-FEW = 0.25                  # arcs per track: with fewer, a frame is empty, not another scene
+CLOSER = 0.7        # largest distance of a hidden track, as a share of min_distance; chosen
+FEW = 0.25          # arcs per track: with fewer, a frame is empty, not another scene; chosen
 
 
 class Tracker:
@@ -53,9 +36,10 @@ class Tracker:
         """Begin without tracks, with the parameters of the detector (None: the defaults)."""
         self._detector = Detector(parameters)
         self._next = 1
+        self._since = 0         # frames since arcs were detected
         self._shape: tuple[int, int] | None = None
-        self._shares, self._counts = np.empty(MOST), np.empty(MOST, np.int64)
-        self._found, self._strength = np.empty((2, MOST, EDGES))
+        self._tracks, self._motion = Tracks(), Motion()
+        self._normals = measurement.memory()
         self._tally = Tally(np.empty(PLACES, np.int64), np.empty(PLACES))
         self._points = np.empty((state.MOST, MOST, 2))
 
@@ -101,7 +85,7 @@ class Tracker:
         """
         if self.parameters.method == 'paper':
             raise ValueError('method is paper: tracks need the gradients of method arcs')
-        detected = self._detector.detect(gray, mask, lens)
+        detected = self._detect(gray, mask, lens)
         if gray.shape != self._shape:
             self._start((gray.shape[0], gray.shape[1]))
         image = self._detector.frame
@@ -110,46 +94,68 @@ class Tracker:
                                np.zeros((0, 2)), np.zeros((0, MOST, 2)),
                                self.parameters.min_length)
         rows = self._tracks.rows
-        confirmed = self._follow(image, len(detected))
-        fate = self._compare(rows, confirmed, detected)
-        self._remember(rows, confirmed)
-        self._begin_tracks(detected, fate == NEW)
+        known = len(rows) > 0 and self._motion.predict(image, rows)
+        if detected is None and not known:
+            detected = self._detect_now(gray, mask, lens)
+        confirmed = self._measure(image, known, detected)
+        rows[:, state.HELD] = 1
+        if detected is None:
+            self._remember(rows, confirmed)
+        else:
+            fate = self._compare(rows, confirmed, detected)
+            self._remember(rows, confirmed)
+            self._begin_tracks(detected, fate == NEW)
         return self._report(image)
+
+    def _detect(self, gray: np.ndarray, mask: np.ndarray | None,
+                lens: DivisionModel | None) -> Arcs | None:
+        """Return the arcs of a frame, or None if only the tracks are to be measured in it."""
+        self._since += 1
+        if (self._since < self.parameters.detect_every and self._tracks.count
+                and gray.shape == self._shape):
+            self._detector.look(gray, mask)
+            return None
+        return self._detect_now(gray, mask, lens)
+
+    def _detect_now(self, gray: np.ndarray, mask: np.ndarray | None,
+                    lens: DivisionModel | None) -> Arcs:
+        """Return the arcs of a frame."""
+        self._since = 0
+        return self._detector.detect(gray, mask, lens)
 
     def _start(self, shape: tuple[int, int]) -> None:
         """Begin anew with images of another size."""
         self._shape = shape
         self._tracks, self._motion = Tracks(), Motion()
-        self._chart = np.full(shape, NOBODY, np.int16)
+        self._chart = chart.empty(shape)
 
-    def _follow(self, image: Frame, arcs: int) -> np.ndarray:
-        """Predict and measure all tracks; return which are confirmed: (M,) bool."""
+    def _measure(self, image: Frame, known: bool, detected: Arcs | None) -> np.ndarray:
+        """
+        Measure all tracks at their predicted places; return which are confirmed: (M,) bool.
+
+        ``known`` is whether the motion is known that predicted them.
+        """
         rows = self._tracks.rows
-        if len(rows) == 0:
-            return np.zeros(0, np.bool_)
-        reference = np.count_nonzero(rows[:, state.LOST] <= self._motion.lost)
-        needed = np.where(rows[:, state.LOST] > 0, FOUND_AGAIN, SUPPORTED)
-        if not self._motion.predict(image, rows):
-            needed[:] = NEVER
-            if arcs > FEW * reference:
+        needed = confirmation.needed(rows, known)
+        if not known:
+            reference = np.count_nonzero(rows[:, state.LOST] < self._motion.lost)
+            if detected is not None and len(detected) > FEW * reference:
                 # Another scene: its lines would be taken for those of the last one.
-                rows[:, state.LOST] = 2 * PATIENCE
-        measure(image, rows, needed, self._shares, self._found, self._counts, self._strength,
-                self._points)
+                rows[:, state.LOST] = confirmation.OVER
+        measurement.measure(image, rows, needed, self._normals, self._points)
         return rows[:, state.SUPPORT] >= needed
 
     def _compare(self, rows: np.ndarray, confirmed: np.ndarray, detected: Arcs) -> np.ndarray:
         """Associate detected arcs with the confirmed tracks; return the class of each arc."""
-        self._chart[:] = NOBODY
+        self._chart.pixels[:] = chart.NOBODY
         chords = np.hypot(rows[:, state.END] - rows[:, state.START],
                           rows[:, state.END + 1] - rows[:, state.START + 1])
-        established = (rows[:, state.AGE] >= ESTABLISHED) & (rows[:, state.REPORTED] > 0)
-        rank = chords * np.where(established, 2.0, 1.0)
-        order = np.argsort(-rank, kind='stable')
+        old = (rows[:, state.AGE] >= confirmation.ESTABLISHED) & (rows[:, state.REPORTED] > 0)
+        order = np.argsort(-chords * np.where(old, 2.0, 1.0), kind='stable')
         order = order[confirmed[order]]
         hidden, absorbed = np.zeros((2, len(rows)), np.bool_)
         distance = self.parameters.min_distance
-        enter_all(self._chart, rows, order, CLOSER * distance, hidden, absorbed)
+        chart.enter_all(self._chart, rows, order, CLOSER * distance, hidden, absorbed)
         confirmed &= ~hidden
         longest = np.argsort(-detected.table['length'], kind='stable')
         outcome = Outcome(np.zeros(len(rows)), np.zeros(len(rows)), absorbed,
@@ -157,25 +163,16 @@ class Tracker:
         associate(self._chart, rows, _rows_of(detected.table[longest]), distance, self._tally,
                   outcome)
         confirmed &= ~absorbed
-        rows[absorbed, state.LOST] = 2 * PATIENCE
-        seen = outcome.covered >= COVERED * chords
-        rows[:, state.HELD] = ~seen
-        weight = np.where(confirmed, 1 - RECENT, 0.0)
-        rows[:, state.SCORE] += weight * (outcome.scores - rows[:, state.SCORE])
-        rows[:, state.DETECTED] += (1 - RECENT) * (seen - rows[:, state.DETECTED])
+        rows[absorbed, state.LOST] = confirmation.OVER
+        confirmation.rate(rows, confirmed, outcome)
         fate = np.empty(len(detected), np.int64)
         fate[longest] = outcome.fate
         return fate
 
     def _remember(self, rows: np.ndarray, confirmed: np.ndarray) -> None:
         """Count frames reported and lost of each track; remove tracks lost for too long."""
-        rows[:, state.CONFIRMED] = confirmed
-        least = self.parameters.min_score + np.where(rows[:, state.REPORTED], LESS, SURER)
-        rows[:, state.REPORTED] = confirmed & (rows[:, state.SCORE] >= least)
-        rows[:, state.LOST] = np.where(confirmed, 0, rows[:, state.LOST] + 1)
-        patience = np.where(rows[:, state.AGE] + rows[:, state.REPORTED] >= ESTABLISHED,
-                            PATIENCE, YOUNG)
-        wanted = (rows[:, state.LOST] <= patience) & (rows[:, state.SCORE] >= FORGOTTEN)
+        wanted = np.empty(len(rows), np.bool_)
+        confirmation.count(rows, confirmed, self.parameters.min_score, wanted)
         if not wanted.all():
             kept = self._points[:len(rows)][wanted]
             self._points[:len(kept)] = kept
@@ -188,9 +185,7 @@ class Tracker:
         rows = _rows_of(arcs)
         rows[:, state.EDGES] = np.minimum(arcs['support'], MOST)
         rows[:, state.IDENTITY] = self._identities(len(chosen))
-        rows[:, state.DETECTED] = rows[:, state.CONFIRMED] = 1
-        sure = arcs['score'] >= self.parameters.min_score + SURER
-        rows[:, state.REPORTED] = sure
+        rows[:, state.REPORTED] = arcs['score'] >= self.parameters.min_score + confirmation.SURER
         rows[:, state.FIRST], rows[:, state.LAST] = -1, 1
         # Of each arc as many points, evenly from the first to the last, as there is room for.
         last = np.minimum(np.arange(MOST), rows[:, [state.EDGES]] - 1)

@@ -11,6 +11,8 @@ LONGER = 3.0        # px, least growth of a track by an arc; chosen, not tuned
 # px, largest distance of the shorter of arc and track from the curve of the longer; chosen, not
 # tuned.
 ALIGNED = 1.2
+# Result of a union: none, as both are not on one curve; the same track; a track that has changed.
+APART, SAME, CHANGED = 0, 1, 2
 
 
 @inlined
@@ -33,31 +35,35 @@ def _reach(arc: curve.Curve, rows: np.ndarray, i: int) -> tuple[float, float]:
 
 
 @compiled
-def lengthen(rows: np.ndarray, track: int, arcs: np.ndarray, i: int, forwards: bool) -> bool:
+def lengthen(rows: np.ndarray, track: int, arcs: np.ndarray, i: int, forwards: bool) -> int:
     """
     Extend a track to the ends of an arc on the same curve.
 
     The curve is that of the longer one.  The arc is row i of ``arcs``; ``forwards`` is False if it
-    travels against the track.  Returns False, and changes nothing, if both are not on one curve or
-    their union turns by half a turn.
+    travels against the track.
+
+    Returns
+    -------
+    CHANGED; SAME if the arc does not extend the track by LONGER; APART if both are not on one
+    curve, or their union turns by half a turn.
     """
     old, new = curve.curve(rows, track), curve.curve(arcs, i)
     by_new = new[4] > old[4]
     if by_new:
         if not _aligned(arcs, i, rows, track):
-            return False
+            return APART
         base, (first, last) = new, _reach(new, rows, track)
     else:
         if not _aligned(rows, track, arcs, i):
-            return False
+            return APART
         base, (first, last) = old, _reach(old, arcs, i)
     if max(-1 - first, last - 1) * base[4] < LONGER and not by_new:
-        return True
+        return SAME
     first, last = min(first, -1.0), max(last, 1.0)
     if max(-first, last) * abs(base[6]) * base[4] > 1 - curve.STEEPEST:
-        return False
+        return APART
     if by_new and not forwards:
         first, last = last, first
     for column, share in ((START, first), (MIDDLE, (first + last) / 2), (END, last)):
         rows[track, column], rows[track, column + 1], _, _ = curve.at(base, share)
-    return True
+    return CHANGED

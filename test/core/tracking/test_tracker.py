@@ -142,6 +142,40 @@ def test_frames_of_another_size_start_anew_but_numbers_go_on():
     assert new and min(new) > max(old)
 
 
+def test_frames_between_searches_hold_the_lines_that_are_known():
+    tracker = Tracker(Parameters(detect_every=4))
+    seen = [tracker.track(frame) for frame in frames(12)]
+    for i, arcs in enumerate(seen):
+        assert arcs.table['held'].all() == (i % 4 != 0)
+        if i % 4:
+            assert identities(arcs) <= identities(seen[i - 1]) and len(arcs) > 20
+    assert not identities(seen[4]) <= identities(seen[3])   # lines that came into sight
+    assert len(identities(seen[1]) & identities(seen[11])) >= 0.6 * len(seen[1])
+
+
+@pytest.mark.parametrize('after', range(4))
+def test_another_scene_is_searched_at_once_whenever_it_comes(after):
+    tracker = Tracker(Parameters(detect_every=4))
+    old = [tracker.track(frame) for frame in frames(5 + after)]
+    new = tracker.track(frames(1, seed=2)[0])
+    assert len(new) > 20 and not identities(new) & set().union(*map(identities, old))
+
+
+def test_between_searches_the_mask_and_the_size_count():
+    tracker = Tracker(Parameters(detect_every=10))
+    view = frames(1)[0]
+    tracker.track(view)
+    mask = np.full(view.shape, 255, np.uint8)
+    mask[:, :WIDTH // 2] = 0
+    held = tracker.track(view, mask)
+    assert held.table['held'].all() and len(held) > 5
+    assert (np.stack([held.table['start'], held.table['end']])[..., 0] > WIDTH / 2 - 0.5).all()
+    assert not tracker.track(view[:200, :300]).table['held'].any()
+    with pytest.raises(ValueError, match='mask has shape'):
+        tracker.track(view[:200, :300], mask)
+    assert len(tracker.track(view[:200, :300])) > 5
+
+
 def test_the_same_frames_give_the_same_tracks_bit_for_bit():
     one, two = Tracker(), Tracker()
     for frame in frames(6):

@@ -5,13 +5,11 @@ import numpy as np
 
 from qflsd_ros.core.compilation import compiled
 from qflsd_ros.core.detection.frame import Frame
-from qflsd_ros.core.tracking import field
 from qflsd_ros.core.tracking.curve import at, curve
-from qflsd_ros.core.tracking.field import CUBIC, TERMS
-from qflsd_ros.core.tracking.looks import LOOK, look
-from qflsd_ros.core.tracking.normals import EDGES
+from qflsd_ros.core.tracking.motion import field, looks
+from qflsd_ros.core.tracking.motion.field import CUBIC
+from qflsd_ros.core.tracking.motion.vote import translation
 from qflsd_ros.core.tracking.state import COLUMNS, END, LOST, MIDDLE, SHIFT, START, TURN
-from qflsd_ros.core.tracking.vote import translation
 
 # All of these are chosen, not tuned.
 LONGEST = 100           # tracks, the longest ones, from which the motion is estimated
@@ -47,13 +45,10 @@ class Motion:
         self.field = np.zeros(CUBIC)
         self.lost = 1           # frames since it was known
         self._before = np.zeros((0, COLUMNS))
-        self._looks = np.empty((LONGEST * NORMALS, LOOK))
-        self._found = np.empty((LONGEST * NORMALS + 1, EDGES))
-        self._counts = np.empty(LONGEST * NORMALS, np.int64)
+        self._looks = looks.memory(LONGEST * NORMALS)
         self._votes = {reach: np.empty((2 * reach + 1, 2 * reach + 1), np.int32)
                        for reach in (USUAL, WIDE)}
-        self._a, self._b = np.empty((CUBIC, CUBIC)), np.empty(CUBIC)
-        self._phi = np.empty(TERMS)
+        self._memory = field.memory()
 
     def predict(self, image: Frame, rows: np.ndarray) -> bool:
         """
@@ -78,7 +73,7 @@ class Motion:
                     best, sure = found, agreeing
         self.field = best
         self.lost = 0 if sure > 0 else self.lost + 1
-        _carry(self._before, rows, self.field, shape, self._phi)
+        _carry(self._before, rows, self.field, shape, self._memory.phi)
         return sure > 0
 
     def _longest(self, rows: np.ndarray) -> np.ndarray:
@@ -91,19 +86,14 @@ class Motion:
     def _try(self, image: Frame, rows: np.ndarray, chosen: np.ndarray, prior: np.ndarray,
              reach: int) -> tuple[np.ndarray, float]:
         """Return the field estimated from a prior, and the share of normals that agree."""
-        shape = image.dx.shape
-        result = np.empty(CUBIC)
-        _carry(self._before, rows, prior, shape, self._phi)
-        n = look(image, self._before, rows, chosen, BALLOTS, (0.0, 0.0), float(reach),
-                 self._looks, self._found, self._counts)
+        shape, memory = image.dx.shape, self._memory
+        _carry(self._before, rows, prior, shape, memory.phi)
+        n = looks.look(image, self._before, rows, chosen, (BALLOTS, float(reach)), self._looks)
         if n == 0:
             return prior, 0.0
-        x, y, _ = translation(self._looks, self._found, self._counts, n, self._votes[reach])
-        prior = prior.copy()
-        prior[:2] += x, y
-        _carry(self._before, rows, prior, shape, self._phi)
-        n = look(image, self._before, rows, chosen, NORMALS, (0.0, 0.0), REACH,
-                 self._looks, self._found, self._counts)
-        sure = field.estimate(self._looks, self._found, self._counts, n, shape, prior,
-                              result, self._a, self._b, self._phi)
-        return result, sure
+        memory.prior[:] = prior
+        memory.prior[:2] += translation(self._looks, n, self._votes[reach])
+        _carry(self._before, rows, memory.prior, shape, memory.phi)
+        n = looks.look(image, self._before, rows, chosen, (NORMALS, REACH), self._looks)
+        agreeing = field.estimate(self._looks, n, shape, memory)
+        return memory.field.copy(), agreeing

@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from qflsd_ros.core.compilation import compiled
-from qflsd_ros.core.tracking.looks import NX, NY
+from qflsd_ros.core.tracking.motion.looks import Looks, NX, NY
 
 
 @compiled
@@ -31,23 +31,22 @@ def _enter(votes: np.ndarray, nx: float, ny: float, d: float) -> None:
 
 
 @compiled
-def translation(looks: np.ndarray, found: np.ndarray, counts: np.ndarray, n: int,
-                votes: np.ndarray) -> tuple[float, float, float]:
+def translation(looks: Looks, n: int, votes: np.ndarray) -> tuple[float, float]:
     """
-    Return the translation x, y with the most votes, px, and its votes per normal.
+    Return the translation x, y with the most votes, px.
 
     Parameters
     ----------
-    looks, found, counts, n
-        As of :func:`looks.look`.
+    looks, n
+        Normals and their number, of :func:`looks.look`.
     votes
         (2 R + 1, 2 R + 1) int32, scratch: translations up to R px either way.
 
     """
     votes[:] = 0
     for k in range(n):
-        for e in range(counts[k]):
-            _enter(votes, looks[k, NX], looks[k, NY], found[k, e])
+        for e in range(looks.counts[k]):
+            _enter(votes, looks.places[k, NX], looks.places[k, NY], looks.found[k, e])
     best, best_i, best_j = -1.0, 0, 0
     reach = len(votes) // 2
     for j in range(1, len(votes) - 1):
@@ -60,4 +59,4 @@ def translation(looks: np.ndarray, found: np.ndarray, counts: np.ndarray, n: int
             value = here - 0.01 * away
             if value > best:
                 best, best_i, best_j = value, i, j
-    return float(best_i - reach), float(best_j - reach), best / max(3.0 * n, 1.0)
+    return float(best_i - reach), float(best_j - reach)

@@ -1,22 +1,38 @@
 """Normals of many tracks with the edges on them, from which the motion field is estimated."""
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from qflsd_ros.core.compilation import compiled
 from qflsd_ros.core.detection.frame import Frame
 from qflsd_ros.core.tracking import curve
-from qflsd_ros.core.tracking.normals import edges_along, in_sight
+from qflsd_ros.core.tracking.normals import EDGES, edges_along, in_sight
 from qflsd_ros.core.tracking.state import CONTRAST, POLARITY
 
-# Columns of a look: number of the track; share of the half chord; the point and the normal there;
-# the same point in the frame before.
-TRACK, SHARE, X, Y, NX, NY, WAS_X, WAS_Y, LOOK = range(9)
+# Columns of a place: a point of a track and the normal there; the same point in the frame before.
+X, Y, NX, NY, WAS_X, WAS_Y, COLUMNS = range(7)
 # Least contrast of an edge on a normal: as a share of the track's contrast, and in standard
 # deviations of the gradient noise; chosen, not tuned.
 FAINTEST, ABOVE_NOISE = 0.25, 2.5
 # Polarity of a track from which on only edges of the same polarity match it; chosen, not tuned.
 ONE_SIDED = 0.6
+
+
+class Looks(NamedTuple):
+    """Memory for N normals and the edges on each."""
+
+    places: np.ndarray      # (N, COLUMNS) float64
+    found: np.ndarray       # (N, EDGES) float64, distances of edges along the normal, px
+    counts: np.ndarray      # (N,) int64, number of these edges
+    strength: np.ndarray    # (EDGES,) float64, scratch
+
+
+def memory(normals: int) -> Looks:
+    """Return memory for so many normals."""
+    return Looks(np.empty((normals, COLUMNS)), np.empty((normals, EDGES)),
+                 np.empty(normals, np.int64), np.empty(EDGES))
 
 
 @compiled
@@ -27,8 +43,7 @@ def weakest(rows: np.ndarray, i: int, noise: float) -> float:
 
 @compiled
 def look(image: Frame, before: np.ndarray, rows: np.ndarray, chosen: np.ndarray,
-         each: int, shift: tuple[float, float], reach: float, looks: np.ndarray,
-         found: np.ndarray, counts: np.ndarray) -> int:
+         rays: tuple[int, float], looks: Looks) -> int:
     """
     Find the edges along normals of some tracks.
 
@@ -37,19 +52,13 @@ def look(image: Frame, before: np.ndarray, rows: np.ndarray, chosen: np.ndarray,
     image
         The frame.
     before, rows
-        (M, COLUMNS) float64, the tracks in the frame before, and at their predicted places.
+        (M, state.COLUMNS) float64, the tracks in the frame before, and at their predicted places.
     chosen
         (N,) int64, numbers of the tracks to use.
-    each
-        Number of normals of each track.
-    shift
-        Added to the predicted places, px.
-    reach
-        Length of a normal on either side of the track, px.
-    looks, found, counts
-        (N each, LOOK) float64, (N each + 1, EDGES) float64 and (N each,) int64: receive the
-        normals in sight, the distances of the edges on each, px, and the number of these edges.
-        The last row of ``found`` is scratch.
+    rays
+        Number of normals of each track, and their length on either side of it, px.
+    looks
+        Memory for all normals of these tracks; receives those in sight.
 
     Returns
     -------
@@ -57,21 +66,20 @@ def look(image: Frame, before: np.ndarray, rows: np.ndarray, chosen: np.ndarray,
 
     """
     n = 0
-    strength = found[len(found) - 1]
+    each, reach = rays
     for i in chosen:
         then, now = curve.curve(before, i), curve.curve(rows, i)
         least = weakest(rows, i, image.noise)
         for j in range(each):
             share = (2 * j + 1) / each - 1
             x, y, nx, ny = curve.at(now, share)
-            x, y = x + shift[0], y + shift[1]
             if not in_sight(image, x, y):
                 continue
+            looks.counts[n] = edges_along(image, (x, y, nx, ny), reach, least,
+                                          rows[i, POLARITY] > ONE_SIDED, looks.found[n],
+                                          looks.strength)
             was_x, was_y, _, _ = curve.at(then, share)
-            counts[n] = edges_along(image, (x, y, nx, ny), reach, least,
-                                    rows[i, POLARITY] > ONE_SIDED, found[n], strength)
-            looks[n, TRACK], looks[n, SHARE], looks[n, X], looks[n, Y] = i, share, x, y
-            looks[n, NX], looks[n, NY], looks[n, WAS_X], looks[n, WAS_Y] = nx, ny, was_x, was_y
+            looks.places[n] = x, y, nx, ny, was_x, was_y
             n += 1
     return n
 

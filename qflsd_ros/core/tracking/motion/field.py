@@ -10,11 +10,12 @@ motion is the prior.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from qflsd_ros.core.compilation import compiled, inlined
-from qflsd_ros.core.tracking.looks import nearest, NX, NY, WAS_X, WAS_Y, X, Y
+from qflsd_ros.core.tracking.motion.looks import Looks, nearest, NX, NY, WAS_X, WAS_Y, X, Y
 
 TERMS = 10              # of a cubic polynomial in x and y
 AFFINE, CUBIC = 6, 2 * TERMS
@@ -91,58 +92,77 @@ def _degree(unknown: int) -> int:
     return 0 if term < 1 else 1 if term < 3 else 2 if term < 6 else 3
 
 
+class Memory(NamedTuple):
+    """Arrays that the estimation of a field works on; terms are x and y of each in turn."""
+
+    prior: np.ndarray       # (CUBIC,) float64, the expected field
+    field: np.ndarray       # (CUBIC,) float64, receives the estimated one
+    a: np.ndarray           # (CUBIC, CUBIC) float64 and (CUBIC,): the normal equations
+    b: np.ndarray
+    phi: np.ndarray         # (TERMS,) float64, the terms of a place
+    slope: np.ndarray       # (CUBIC,) float64, derivatives of a distance along a normal
+
+
+def memory() -> Memory:
+    """Return memory with a prior at rest."""
+    return Memory(np.zeros(CUBIC), np.zeros(CUBIC), np.empty((CUBIC, CUBIC)), np.empty(CUBIC),
+                  np.empty(TERMS), np.empty(CUBIC))
+
+
+@inlined
+def _add(memory: Memory, unknowns: int, normal: tuple[float, float], r: float,
+         w: float) -> None:
+    """Add the equation of a normal with the residual r, px, and the weight w; phi is set."""
+    for i in range(unknowns // 2):
+        memory.slope[2 * i] = memory.phi[i] * normal[0]
+        memory.slope[2 * i + 1] = memory.phi[i] * normal[1]
+    for i in range(unknowns):
+        p, row = w * memory.slope[i], memory.a[i]
+        memory.b[i] += p * r
+        for j in range(i + 1):
+            row[j] += p * memory.slope[j]
+
+
 @compiled
-def _step(looks: np.ndarray, found: np.ndarray, counts: np.ndarray, n: int,
-          shape: tuple[int, int], prior: np.ndarray, field: np.ndarray, unknowns: int,
-          gate: float, a: np.ndarray, b: np.ndarray, phi: np.ndarray) -> int:
+def _step(looks: Looks, n: int, shape: tuple[int, int], memory: Memory, unknowns: int,
+          gate: float) -> int:
     """Update the field by one iteration; return how many normals agreed with it before."""
-    agreeing = 0
+    agreeing, a, b = 0, memory.a, memory.b
     a[:], b[:] = 0.0, 0.0
     for k in range(n):
-        x, y = scaled(looks[k, WAS_X], looks[k, WAS_Y], shape[1], shape[0])
-        _terms(x, y, phi)
-        u, v = _at(field, phi)
-        nx, ny = looks[k, NX], looks[k, NY]
-        expected = (looks[k, WAS_X] + u - looks[k, X]) * nx + (
-            looks[k, WAS_Y] + v - looks[k, Y]) * ny
-        r = nearest(found[k], counts[k], expected) - expected
+        place = looks.places[k]
+        x, y = scaled(place[WAS_X], place[WAS_Y], shape[1], shape[0])
+        _terms(x, y, memory.phi)
+        u, v = _at(memory.field, memory.phi)
+        nx, ny = place[NX], place[NY]
+        expected = (place[WAS_X] + u - place[X]) * nx + (place[WAS_Y] + v - place[Y]) * ny
+        r = nearest(looks.found[k], looks.counts[k], expected) - expected
         agreeing += abs(r) < AGREES
-        if not abs(r) < gate:
-            continue
-        w = (1 - (r / gate) ** 2) ** 2
-        for i in range(unknowns):
-            p = w * phi[i // 2] * (ny if i % 2 else nx)
-            b[i] += p * r
-            for j in range(i + 1):
-                a[i, j] += p * phi[j // 2] * (ny if j % 2 else nx)
+        if abs(r) < gate:
+            _add(memory, unknowns, (nx, ny), r, (1 - (r / gate) ** 2) ** 2)
     for i in range(unknowns):
         certain = 1 / CHANGES[_degree(i)] ** 2
         a[i, i] += certain
-        b[i] += certain * (prior[i] - field[i])
+        b[i] += certain * (memory.prior[i] - memory.field[i])
     _solve(a, b, unknowns)
     for i in range(unknowns):
-        field[i] += b[i]
+        memory.field[i] += b[i]
     return agreeing
 
 
 @compiled
-def estimate(looks: np.ndarray, found: np.ndarray, counts: np.ndarray, n: int,
-             shape: tuple[int, int], prior: np.ndarray, field: np.ndarray, a: np.ndarray,
-             b: np.ndarray, phi: np.ndarray) -> float:
+def estimate(looks: Looks, n: int, shape: tuple[int, int], memory: Memory) -> float:
     """
     Estimate the motion field from the edges on normals.
 
     Parameters
     ----------
-    looks, found, counts, n
-        As of :func:`looks.look`.
+    looks, n
+        Normals and their number, of :func:`looks.look`.
     shape
         Height and width of the image, px.
-    prior, field
-        (2 TERMS,) float64: the expected field, and the one that receives the result, x and y of
-        each term in turn.
-    a, b, phi
-        (2 TERMS, 2 TERMS), (2 TERMS,) and (TERMS,) float64, scratch.
+    memory
+        Has the expected field; receives the result.
 
     Returns
     -------
@@ -150,9 +170,8 @@ def estimate(looks: np.ndarray, found: np.ndarray, counts: np.ndarray, n: int,
 
     """
     agreeing = 0
-    for i in range(len(field)):
-        field[i] = prior[i]
+    for i in range(CUBIC):
+        memory.field[i] = memory.prior[i]
     for unknowns, gate in STEPS:
-        agreeing = _step(looks, found, counts, n, shape, prior, field, unknowns, gate, a, b,
-                         phi)
+        agreeing = _step(looks, n, shape, memory, unknowns, gate)
     return agreeing / max(n, 1)
