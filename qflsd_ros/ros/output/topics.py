@@ -129,7 +129,7 @@ def tracked(result: Result) -> Arcs:
         raise TrackingError(
             Reason.NO_TRACKS, 'parameter tracking is false, or method is not arcs: '
             '~/line_features needs tracks')
-    return result.arcs_with_straightness
+    return with_directions(result.arcs, result.attitude)
 
 
 def every_image(result: Result) -> bool:
