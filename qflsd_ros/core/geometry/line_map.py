@@ -23,9 +23,9 @@ LEAST_SEEN = 6
 # Largest deviation of a line across, as a share of its distance.  Chosen, not tuned: the limit up
 # to which a map is of use.
 MAX_DEVIATION = 0.011
-# Misfit from which on a line must be more exact than that, by their ratio; or the lower quartile of
-# all lines if that is larger, as errors of poses and calibration affect all lines.  Edges of the
-# rendered room have .1 to .6, lines on its texture .6 to 1.5.  Tuned there; 30 % less or more
+# Misfit from which on a line must be more exact than that, by their ratio; or the lower quartile
+# of all lines if that is larger, as errors of poses and calibration affect all lines.  Edges of
+# the rendered room have .1 to .6, lines on its texture .6 to 1.5.  Tuned there; 30 % less or more
 # removes 15 % of the lines, or adds as many, most of them on texture.
 STEADY, QUARTER = 0.4, 25.0
 # Images without a track after which it is removed unless it is confirmed: more than the 60 for

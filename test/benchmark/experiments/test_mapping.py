@@ -3,8 +3,8 @@ from __future__ import annotations
 
 from benchmark.experiments import mapping
 import numpy as np
-from qflsd_ros.core.geometry.lines import Lines
 import pytest
+from qflsd_ros.core.geometry.lines import Lines
 
 EDGES = np.array([[[0.0, 0, 0], [1, 0, 0]], [[0, 1.0, 0], [0, 2, 0]]])
 
