@@ -92,6 +92,11 @@ class Scene:
         clean = self._render(number, np.zeros((*self.lens.shape, 1), np.float32))
         return visible_arcs(self._edges, self._boxes, self._camera(number), clean[..., 0])
 
+    @property
+    def edges(self) -> np.ndarray:
+        """Return starts and ends of all edges of the room, hidden ones too: (N, 2, 3) m."""
+        return self._edge_ends.copy()
+
     def pose(self, number: int) -> np.ndarray:
         """Return a frame's pose: (4, 4) float64, from the optical frame to the room, m."""
         return self._camera(number).pose()
