@@ -133,7 +133,8 @@ def check_together(parameters: Parameters, settings: Settings) -> None:
     """Raise ValueError if parameters of the detector and the node contradict each other."""
     if settings.focal == 'estimate' and not settings.attitude:
         raise ValueError("focal is 'estimate' and attitude is false: attitude must be true to "
-                         'estimate the focal length')
+                         'estimate the focal length (in a running node, change attitude first to '
+                         'begin, focal first to end, or both by set_parameters_atomically)')
     if settings.focal == 'fixed' and not settings.focal_length:
         raise ValueError("focal is 'fixed' and focal_length is 0: focal_length must be the focal "
                          'length in px')
