@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from qflsd_ros.attitude_drawing import ARROW, axes, draw_attitude, horizon, HORIZON
+from qflsd_ros.attitude_drawing import ARROW, axes, draw_attitude, HORIZON, horizon
 from qflsd_ros.core import Attitude, DivisionModel
 from qflsd_ros.overlay import DIRECTIONS
 

@@ -43,9 +43,9 @@ LEAST_ARCS = 12
 RIVAL = 0.1
 # Greatest deviation of an observable ln f, and of up (radians).
 MAX_FOCAL_STD, MAX_UP_STD = 0.07, math.radians(3.0)
-# Rivals widen the deviation of up by their likelihood, the logarithm of which counts DOUBT / CLOSE
-# for each arc, since neighbouring arcs share errors; on York Urban normalised errors change by less
-# than .05 between 3 and 10.  Axes that are farther than NEAR_UP apart are different ones.
+# Rivals widen the deviation of up: one that is worse by CLOSE for each arc counts exp(-DOUBT) as
+# much as the best, since neighbouring arcs share errors.  On York Urban normalised errors change by
+# less than .05 between 3 and 10.  Axes farther apart than NEAR_UP are different ones.
 DOUBT, NEAR_UP = 3.0, math.radians(15.0)
 # Errors that arcs share and more of them do not average: places are not quite orthogonal, lenses
 # not quite division models.  They grow with the square of the scatter of arcs, that of annotated
@@ -168,17 +168,22 @@ def estimate_attitude(arcs: Arcs, shape: tuple[int, int],
         images of another size, or the hint has no direction.
 
     """
-    hint = direction(up_hint)
     try:
-        view = view_of(arcs, shape, lens, focal)
-        solution = search(used(view), view.prior())
-        found = describe(solution, view, lambda axes: arranged(axes, hint))
+        found = attitude_of(arcs, shape, lens, focal, up_hint)
     except Unobservable as error:
         _abstain(str(error))
         return None
     for reason in found.reasons:
         _abstain(reason)
     return found
+
+
+def attitude_of(arcs: Arcs, shape: tuple[int, int], lens: Lens, focal: float | None,
+                up_hint: tuple[float, float, float]) -> Attitude:
+    """Return the same as :func:`estimate_attitude`; Unobservable with the reason for None."""
+    hint = direction(up_hint)
+    view = view_of(arcs, shape, lens, focal)
+    return describe(search(used(view), view.prior()), view, lambda axes: arranged(axes, hint))
 
 
 def with_directions(arcs: Arcs, attitude: Attitude | None) -> Arcs:

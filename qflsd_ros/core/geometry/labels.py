@@ -38,7 +38,7 @@ class TrackLabels:
         labels, means, frames = most_likely(probabilities), probabilities, np.ones(len(arcs))
         if not arcs.is_tracked:
             return labels
-        tracks, count = arcs.table['track'], probabilities.shape[1]
+        tracks = arcs.table['track']
         _, now, then = np.intersect1d(tracks, self._tracks, return_indices=True)
         frames[now] += np.minimum(self._frames[then], MEMORY - 1)
         before = probabilities[now]

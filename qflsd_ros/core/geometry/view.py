@@ -24,9 +24,9 @@ Lens = Union[LensEstimate, DivisionModel, CameraModel, None]
 LENS_FLAW = LENS_ERROR / 2
 # Deviation of lambda about 0 where arcs do not determine it at all: most lenses.
 LENS_SPREAD = 0.2
-# A view is new if less than the share KNOWN of its LONGEST arcs are NEAR (half diagonals) an arc of
-# another one, with a sine of the angle between them below PARALLEL.  Chosen, not tuned: an arc lies
-# that near by chance in 1 of 6 cases.
+# A view is new if less than the share KNOWN of its LONGEST arcs are NEAR (half diagonals) an arc
+# of another one, with a sine of the angle between them below PARALLEL.  Chosen, not tuned: an arc
+# lies that near by chance in 1 of 6 cases.
 KNOWN, LONGEST, NEAR, PARALLEL = 0.5, 100, 0.05, 0.17
 # Distance of two points from which the direction of a mapped arc is taken, px: small against any
 # detail of a distortion, large against rounding.

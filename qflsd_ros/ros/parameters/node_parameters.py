@@ -9,9 +9,10 @@ from qflsd_ros.sources.encoded import MAX_PIXELS
 
 LENSES = ('off', 'estimate', 'fixed')
 MOST_TRAILS = 300       # images, ten seconds at 30 Hz; chosen, not tuned
-# Directions of the optical frame (x right, y down, z forward) by name.
-UP_HINTS = {'-y': (0.0, -1.0, 0.0), 'y': (0.0, 1.0, 0.0), '-x': (-1.0, 0.0, 0.0),
-            'x': (1.0, 0.0, 0.0), '-z': (0.0, 0.0, -1.0), 'z': (0.0, 0.0, 1.0)}
+# Directions of the optical frame (x right, y down, z forward) by name.  All have a sign, because a
+# lone y is a boolean in YAML.
+UP_HINTS = {'-y': (0.0, -1.0, 0.0), '+y': (0.0, 1.0, 0.0), '-x': (-1.0, 0.0, 0.0),
+            '+x': (1.0, 0.0, 0.0), '-z': (0.0, 0.0, -1.0), '+z': (0.0, 0.0, 1.0)}
 
 
 @dataclass(frozen=True)
@@ -102,7 +103,7 @@ class Settings:
         'images is used where there is one.')
     up_hint: str = parameter(
         '-y', 'About where up is in the optical frame (x right, y down, z forward) at first: -y, '
-        'y, -x, x, -z or z; up is the axis of the place closest to it.', choices=tuple(UP_HINTS))
+        '+y, -x, +x, -z or +z; up is the axis of the place closest to it.', choices=tuple(UP_HINTS))
     focal: str = parameter(
         'off', 'Focal length on ~/camera_info: off (focal_length, or a plausible one), estimate '
         '(the true one by attitude, K is 0 until it is known) or fixed (focal_length is the true '
