@@ -49,6 +49,7 @@ NEARLY = 0.05
 # Normalised distance from which on a focal length is an outlier: normally distributed errors
 # exceed it once in 16000 frames; and successive outliers after which it is taken to have changed.
 DEVIATIONS, PATIENCE = 4.0, 15
+ORDERS = np.array(list(permutations(range(3))))
 
 
 class AttitudeTracker:
@@ -96,6 +97,7 @@ class AttitudeTracker:
         self._states: list[np.ndarray] = []         # of the last solution
         self._axes: np.ndarray | None = None        # the last ones, (3, 3) rows, in their order
         self._further = np.empty((0, 3))            # further directions, by those axes
+        self._common = 3            # directions that are the same as in the frame before
         self._labels = TrackLabels()
         # The last search: observations, axes, gain for each arc, and frames since.
         self._searched: np.ndarray | None = None
@@ -147,7 +149,8 @@ class AttitudeTracker:
         # Rivals are followed as long as the focal length does not decide between them.
         self._states = [fit.state for fit in solution.fits[:1 if self._log_focal else FOLLOWED]]
         self._axes = found.directions[:3]
-        found = self._labelled(found, arcs)
+        labels = self._labels.follow(arcs, found.probabilities, self._common)
+        found = replace(found, labels=labels)
         if view.focal is None and not self._log_focal:
             found = replace(found, focal=None, focal_std=None, reasons=self._why_no_focal)
         return found
@@ -155,16 +158,14 @@ class AttitudeTracker:
     def _horizontal(self, rows: np.ndarray, axes: np.ndarray, camera: np.ndarray) -> np.ndarray:
         """Return further directions: those of the last frame, and others after a search."""
         known = self._further @ axes
-        return horizontal(rows, axes, camera, known) if not self._since else known
-
-    def _labelled(self, found: Attitude, arcs: Arcs) -> Attitude:
-        """Return an attitude with the labels of tracks."""
-        further = found.directions[3:] @ found.directions[:3].T
-        common = min(len(further), len(self._further))
-        kept = np.allclose(further[:common], self._further[:common], atol=1e-6)
-        self._further = further
-        labels = self._labels.follow(arcs, found.probabilities, 3 + common if kept else 3)
-        return replace(found, labels=labels)
+        self._common = 3 + len(known)
+        if self._since:
+            return known
+        found = horizontal(rows, axes, camera, known)
+        if not np.array_equal(found[:len(known)], known):
+            self._common = 3
+        self._further = found @ axes.T
+        return found
 
     def _with_focal(self, view: View) -> View:
         """Return the view with the average focal length, if it has none of its own."""
@@ -249,8 +250,8 @@ class AttitudeTracker:
 def matched(axes: np.ndarray, last: np.ndarray) -> np.ndarray:
     """Return axes, rows of (3, 3), in that order and with those signs that are nearest others."""
     cosines = last @ axes.T
-    order = max(permutations(range(3)), key=lambda p: float(np.abs(cosines[range(3), p]).sum()))
-    return axes[list(order)] * np.sign(cosines[range(3), order])[:, None]
+    order = ORDERS[np.abs(cosines[range(3), ORDERS]).sum(axis=1).argmax()]
+    return axes[order] * np.sign(cosines[range(3), order])[:, None]
 
 
 def _angle(axes: np.ndarray, others: np.ndarray) -> float:
