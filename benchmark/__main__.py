@@ -12,8 +12,9 @@ from benchmark import peers, quote, report
 from benchmark.datasets import Dataset, DatasetError
 from benchmark.experiment import Effort, Experiment, QUICK
 from benchmark.experiments import (
-    ablation, accuracy, attitude, degraded, exactness, false_alarms, growth, lens, memory, node, overhead,
-    paper_tables, plates, repeatability, robustness, sameness, sensitivity, speed, stages)
+    ablation, accuracy, attitude, degraded, exactness, false_alarms, growth, lens, memory, node,
+    overhead, paper_tables, plates, repeatability, robustness, sameness, sensitivity, speed,
+    stages)
 from benchmark.scenes.rendered import write
 from tqdm import tqdm
 

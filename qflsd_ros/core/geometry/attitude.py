@@ -44,8 +44,8 @@ RIVAL = 0.1
 # Greatest deviation of an observable ln f, and of up (radians).
 MAX_FOCAL_STD, MAX_UP_STD = 0.07, math.radians(3.0)
 # Rivals widen the deviation of up: one that is worse by CLOSE for each arc counts exp(-DOUBT) as
-# much as the best, since neighbouring arcs share errors.  On York Urban normalised errors change by
-# less than .05 between 3 and 10.  Axes farther apart than NEAR_UP are different ones.
+# much as the best, since neighbouring arcs share errors.  On York Urban normalised errors change
+# by less than .05 between 3 and 10.  Axes farther apart than NEAR_UP are different ones.
 DOUBT, NEAR_UP = 3.0, math.radians(15.0)
 # Errors that arcs share and more of them do not average: places are not quite orthogonal, lenses
 # not quite division models.  They grow with the square of the scatter of arcs, that of annotated

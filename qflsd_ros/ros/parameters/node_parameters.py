@@ -103,7 +103,8 @@ class Settings:
         'images is used where there is one.')
     up_hint: str = parameter(
         '-y', 'About where up is in the optical frame (x right, y down, z forward) at first: -y, '
-        '+y, -x, +x, -z or +z; up is the axis of the place closest to it.', choices=tuple(UP_HINTS))
+        '+y, -x, +x, -z or +z; up is the axis of the place closest to it.',
+        choices=tuple(UP_HINTS))
     focal: str = parameter(
         'off', 'Focal length on ~/camera_info: off (focal_length, or a plausible one), estimate '
         '(the true one by attitude, K is 0 until it is known) or fixed (focal_length is the true '

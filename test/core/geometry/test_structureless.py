@@ -1,4 +1,4 @@
-"""Images of things without three orthogonal directions: no attitude, or up alone, with the reason."""
+"""Images without three orthogonal directions: no attitude, or up alone, with the reason."""
 from __future__ import annotations
 
 from collections.abc import Callable
@@ -8,7 +8,8 @@ import cv2
 from manhattan import angle, SHAPE
 import numpy as np
 import pytest
-from qflsd_ros.core import Attitude, Detector, DivisionModel, estimate_attitude, estimate_distortion
+from qflsd_ros.core import (
+    Attitude, Detector, DivisionModel, estimate_attitude, estimate_distortion)
 
 # Pictures are drawn twice as large, so that their edges are as smooth as those of a camera.
 LARGE = (2 * SHAPE[0], 2 * SHAPE[1])
