@@ -18,7 +18,7 @@ def attitude(pitch: float = 0.0, roll: float = 0.0, lam: float = 0.0, focal: flo
     cp, sp, cr, sr = np.cos(pitch), np.sin(pitch), np.cos(roll), np.sin(roll)
     up, ahead = np.array([sr * cp, -cr * cp, sp]), np.array([-sr * sp, cr * sp, cp])
     return Attitude(focal, 1.0, up, 0.01, np.stack([up, ahead, np.cross(up, ahead)]),
-                    np.zeros(0, np.int64), np.zeros((0, 3)), DivisionModel(lam, SHAPE), 0.0,
+                    np.zeros(0, np.int64), DivisionModel(lam, SHAPE), 0.0,
                     np.diag([focal, focal, 1.0]))
 
 

@@ -35,8 +35,8 @@ SINGLE = (
 LIVE = (
     f'`AttitudeTracker` in the room, {SECONDS} s: error of the focal length at the end, of up '
     '(median), mean CPU time a frame; labels: share of arcs of a track that change their '
-    'direction from one frame to the next, %. *Still*: rms deviation of heading and up from their mean '
-    'while the camera stands still, degrees.')
+    'direction from one frame to the next, %. *Still*: rms deviation of heading and up from '
+    'their mean while the camera stands still, degrees.')
 
 
 class Photograph(NamedTuple):

@@ -77,9 +77,6 @@ class Attitude:
         first, and further horizontal ones.  The first one points up, all others forward.
     labels
         (M,) int64, for each arc the index of its direction, -1 for none.
-    probabilities
-        (M, K) float64, that an arc points in each of the directions; what is missing to 1 is that
-        it points in none.
     lens
         The lens, from the curvature of arcs and their directions together; its lambda is that of
         :meth:`rays`.
@@ -102,7 +99,6 @@ class Attitude:
     up_std: float | None
     directions: np.ndarray
     labels: np.ndarray
-    probabilities: np.ndarray
     lens: DivisionModel
     mu: float
     camera: np.ndarray
@@ -218,15 +214,40 @@ def used(view: View) -> np.ndarray:
     return view.observed.seen[:USED]
 
 
+def most_likely(probabilities: np.ndarray) -> np.ndarray:
+    """
+    Return the direction of each arc if that is more likely than not, or -1: (M,) int64.
+
+    ``probabilities`` are those that an arc points in each of the directions, (M, K).
+    """
+    best = np.argmax(probabilities, axis=1)
+    return np.where(probabilities[np.arange(len(best)), best] > 0.5, best, -1)
+
+
 def describe(solution: Solution, view: View, arrange: Callable[[np.ndarray], np.ndarray],
-             further: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray] = horizontal
-             ) -> Attitude:
+             further: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray] = horizontal,
+             label: Callable[[np.ndarray], np.ndarray] = most_likely) -> Attitude:
     """
     Return the attitude of the best fit, without what is not observable.
 
-    ``arrange`` orders axes, rows of (3, 3), and chooses their signs; ``further`` returns more
-    directions, as :func:`horizontal`.  Unobservable if neither focal length nor up are
-    observable.
+    Parameters
+    ----------
+    solution
+        Its first fit is the best one.
+    view
+        The arcs and what is known of the camera.
+    arrange
+        Orders axes, rows of (3, 3), and chooses their signs.
+    further
+        Returns more directions, as :func:`horizontal`.
+    label
+        Returns labels from probabilities, as :func:`most_likely`.
+
+    Raises
+    ------
+    Unobservable
+        Neither focal length nor up are observable.
+
     """
     fit = supported(solution)
     state, scatter = fit.state, solution.scale ** 2
@@ -244,7 +265,7 @@ def describe(solution: Solution, view: View, arrange: Callable[[np.ndarray], np.
     probabilities = np.zeros((view.arcs, len(directions)))
     probabilities[view.observed.arcs] = shares(rows, directions @ camera.T).T
     return Attitude(focal, focal_std, None if up_std is None else axes[0], up_std,
-                    directions, most_likely(probabilities), probabilities,
+                    directions, label(probabilities),
                     replace(view.lens, lam=float(state[LAMBDA])),
                     float(state[MU]), np.diag([unit, unit, 1.0]) @ camera, view.calibration,
                     reasons)
@@ -304,9 +325,3 @@ def _spread(up: np.ndarray, solution: Solution) -> float:
     angles = np.arccos(np.minimum(cosines, 1.0))
     share[angles > NEAR_UP] = 0.0
     return math.sqrt(float(share @ angles ** 2 / share.sum()))
-
-
-def most_likely(probabilities: np.ndarray) -> np.ndarray:
-    """Return the direction that each arc points in, if that is more likely than not, or -1."""
-    best = np.argmax(probabilities, axis=1)
-    return np.where(probabilities[np.arange(len(best)), best] > 0.5, best, -1)

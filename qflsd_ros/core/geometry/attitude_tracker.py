@@ -145,12 +145,11 @@ class AttitudeTracker:
         self._since += 1
         if solution is None or new or lost or self._contrary or self._since >= EVERY:
             solution = self._search(seen, view, new)
-        found = describe(solution, self._with_focal(view), self._arranged, self._horizontal)
+        found = describe(solution, self._with_focal(view), self._arranged, self._horizontal,
+                         lambda chances: self._labels.follow(arcs, chances, self._common))
         # Rivals are followed as long as the focal length does not decide between them.
         self._states = [fit.state for fit in solution.fits[:1 if self._log_focal else FOLLOWED]]
         self._axes = found.directions[:3]
-        labels = self._labels.follow(arcs, found.probabilities, self._common)
-        found = replace(found, labels=labels)
         if view.focal is None and not self._log_focal:
             found = replace(found, focal=None, focal_std=None, reasons=self._why_no_focal)
         return found

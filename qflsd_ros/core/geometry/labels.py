@@ -30,7 +30,7 @@ class TrackLabels:
         arcs
             The arcs.  Without tracks, each has the direction that is most likely in this frame.
         probabilities
-            (M, K), as those of an attitude.
+            (M, K), that an arc points in each of the directions.
         same
             The first so many directions are those of the last frame, all others are new.
 

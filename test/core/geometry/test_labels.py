@@ -7,8 +7,7 @@ from manhattan import SHAPE
 import numpy as np
 import pytest
 from qflsd_ros.core import Arcs, AttitudeTracker, Tracker
-from qflsd_ros.core.arcs import TRACKED_TABLE
-from qflsd_ros.core.geometry.attitude import most_likely
+from qflsd_ros.core.arcs import TABLE, TRACKED_TABLE
 from qflsd_ros.core.geometry.labels import MEMORY, TrackLabels
 from qflsd_ros.core.lens.tracker import LensTracker
 from qflsd_ros.sources import Scene
@@ -18,6 +17,13 @@ def tracks(*numbers: int) -> Arcs:
     table = np.zeros(len(numbers), TRACKED_TABLE)
     table['track'] = numbers
     return replace(Arcs.empty(), table=table, offsets=np.zeros(len(numbers) + 1, np.int64))
+
+
+def without_tracks(arcs: Arcs) -> Arcs:
+    table = np.zeros(len(arcs), TABLE)
+    for name in TABLE.names:
+        table[name] = arcs.table[name]
+    return replace(arcs, table=table)
 
 
 def row(label: int, probability: float, count: int = 3) -> list[float]:
@@ -72,8 +78,7 @@ def test_other_further_directions_are_labelled_anew() -> None:
 
 
 def test_without_tracks_each_frame_counts_by_itself() -> None:
-    labels, arcs = TrackLabels(), Arcs(np.zeros(1, Arcs.empty().table.dtype), np.zeros((0, 2)),
-                                       np.zeros((0, 2), np.int32), np.zeros(2, np.int64))
+    labels, arcs = TrackLabels(), without_tracks(tracks(7))
     for label in 0, 1, 2, 0:
         assert labels.follow(arcs, np.array([row(label, 0.55)]), 3) == [label]
 
@@ -81,15 +86,14 @@ def test_without_tracks_each_frame_counts_by_itself() -> None:
 @pytest.mark.parametrize('lam', [-0.3, -0.6])
 def test_labels_of_the_rendered_room_do_not_flicker(lam: float) -> None:
     scene, tracker, lenses = Scene(640, 480, lam, 2.0), Tracker(), LensTracker()
-    attitudes, before = AttitudeTracker(), {}
+    attitudes, single, before = AttitudeTracker(), AttitudeTracker(), {}
     changed = alone = count = 0
     for number in range(600, 640):
         arcs = tracker.track(scene.image(number))
         lenses.add(arcs, SHAPE)
-        found = attitudes.add(arcs, SHAPE, lenses.estimate)
-        names = arcs.table['track'].tolist()
-        single = dict(zip(names, most_likely(found.probabilities).tolist()))
-        now = dict(zip(names, zip(found.labels.tolist(), single.values())))
+        labels = attitudes.add(arcs, SHAPE, lenses.estimate).labels
+        others = single.add(without_tracks(arcs), SHAPE, lenses.estimate).labels
+        now = dict(zip(arcs.table['track'].tolist(), zip(labels.tolist(), others.tolist())))
         for name in now.keys() & before.keys():
             changed += now[name][0] != before[name][0]
             alone += now[name][1] != before[name][1]
