@@ -319,6 +319,8 @@ def _up_std(up: np.ndarray, fit: Fit, solution: Solution) -> tuple[float | None,
 
 def _spread(up: np.ndarray, solution: Solution) -> float:
     """Return the root mean square angle of rivals to up, radians, by their likelihood."""
+    if len(solution.fits) == 1:
+        return 0.0
     fits, doubt = solution.fits, CLOSE * len(solution.seen) / DOUBT
     share = np.exp([(fit.posterior - fits[0].posterior) / doubt for fit in fits])
     cosines = np.array([np.abs(axes_of(fit.state) @ up).max() for fit in fits])
