@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from qflsd_ros.attitude_drawing import draw_attitude
 from qflsd_ros.core import Detector, estimate_attitude, estimate_distortion
-from qflsd_ros.core.geometry.attitude import with_directions
+from qflsd_ros.core.attitude.estimation import with_directions
 from qflsd_ros.overlay import direction_colours
 from qflsd_ros.sources import Scene
 

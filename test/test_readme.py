@@ -326,7 +326,8 @@ def test_there_are_recipes_for_the_commonest_changes() -> None:
 
 def test_modules_of_the_design_exist() -> None:
     design = (ROOT / 'doc' / 'design.md').read_text()
-    paths = set(re.findall(r'`((?:core|ros|detection|lens|geometry)/[\w/]+\.py)`', design))
+    folders = 'core|ros|detection|lens|geometry|attitude|tracking'
+    paths = set(re.findall(rf'`((?:{folders})/[\w/]+\.py)`', design))
     assert len(paths) > 15
     for path in paths - TO_COME:
         assert any((ROOT / 'qflsd_ros' / part / path).exists() for part in ('', 'core')), path

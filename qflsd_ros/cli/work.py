@@ -15,9 +15,9 @@ from qflsd_ros.cli.inputs import Picture
 from qflsd_ros.cli.recordings import Cloud
 from qflsd_ros.cli.settings import Options
 from qflsd_ros.core import Arcs, Attitude, Detector, Tracker, with_straightness
-from qflsd_ros.core.geometry import attitude_tracker
-from qflsd_ros.core.geometry.attitude import with_directions
-from qflsd_ros.core.geometry.view import Lens
+from qflsd_ros.core.attitude import tracker as attitude_tracker
+from qflsd_ros.core.attitude.estimation import with_directions
+from qflsd_ros.core.attitude.view import Lens
 from qflsd_ros.core.lens import estimation
 from qflsd_ros.overlay import NO_TAILS, Tails
 from qflsd_ros.ros.attitude import CameraAttitude, of_image

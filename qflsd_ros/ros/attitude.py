@@ -9,9 +9,9 @@ import math
 
 import numpy as np
 from qflsd_ros.core import Arcs, Attitude, AttitudeTracker
-from qflsd_ros.core.geometry.attitude import attitude_of
-from qflsd_ros.core.geometry.solution import Unobservable
-from qflsd_ros.core.geometry.view import Lens
+from qflsd_ros.core.attitude.estimation import attitude_of
+from qflsd_ros.core.attitude.solution import Unobservable
+from qflsd_ros.core.attitude.view import Lens
 from qflsd_ros.core.lens.camera_model import CameraModel
 from qflsd_ros.ros.parameters.node_parameters import Settings, UP_HINTS
 from qflsd_ros.sources.frames import FrameError

@@ -13,7 +13,7 @@ import traceback
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from qflsd_ros.core import Attitude, Parameters, Tracker
-from qflsd_ros.core.geometry import attitude_tracker
+from qflsd_ros.core.attitude import tracker as attitude_tracker
 from qflsd_ros.core.lens import estimation
 from qflsd_ros.core.line_features.feed import Feed
 from qflsd_ros.ros.attitude import CameraAttitude

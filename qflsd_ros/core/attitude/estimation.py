@@ -24,12 +24,12 @@ from typing import Callable
 import numpy as np
 
 from qflsd_ros.core.arcs import Arcs
-from qflsd_ros.core.geometry.great_circles import KNOT, lines, PRECISION, SHARPNESS
-from qflsd_ros.core.geometry.refinement import Fit, LAMBDA, LOG_FOCAL, MU
-from qflsd_ros.core.geometry.solution import (
+from qflsd_ros.core.attitude.great_circles import KNOT, lines, PRECISION, SHARPNESS
+from qflsd_ros.core.attitude.refinement import Fit, LAMBDA, LOG_FOCAL, MU
+from qflsd_ros.core.attitude.solution import (
     axes_of, camera_of, CLOSE, curved, EXACT, search, Solution, supported, Unobservable)
-from qflsd_ros.core.geometry.vanishing import horizontal, shares
-from qflsd_ros.core.geometry.view import Lens, View, view_of
+from qflsd_ros.core.attitude.vanishing import horizontal, shares
+from qflsd_ros.core.attitude.view import Lens, View, view_of
 from qflsd_ros.core.lens.camera_model import CameraModel
 from qflsd_ros.core.lens.division import DivisionModel
 

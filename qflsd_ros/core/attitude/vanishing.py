@@ -13,9 +13,9 @@ import math
 
 import numpy as np
 
-from qflsd_ros.core.compilation import compiled, inlined, summed
-from qflsd_ros.core.geometry.great_circles import (
+from qflsd_ros.core.attitude.great_circles import (
     ACROSS, ALONG, PRECISION, SHARPNESS)
+from qflsd_ros.core.compilation import compiled, inlined, summed
 
 # Most points that are looked for: three axes, three more directions, and clutter.
 POINTS = 10

@@ -8,7 +8,7 @@ from manhattan import angle, clutter, place, SHAPE, turned
 import numpy as np
 import pytest
 from qflsd_ros.core import Arcs, AttitudeTracker, Detector, DivisionModel
-from qflsd_ros.core.geometry.attitude_tracker import GAP, matched, PATIENCE
+from qflsd_ros.core.attitude.tracker import GAP, matched, PATIENCE
 from qflsd_ros.core.lens.camera_model import CameraModel
 from qflsd_ros.core.lens.tracker import LensTracker
 from qflsd_ros.sources import Scene

@@ -4,7 +4,7 @@ from __future__ import annotations
 import numpy as np
 
 from qflsd_ros.core.arcs import Arcs
-from qflsd_ros.core.geometry.attitude import most_likely
+from qflsd_ros.core.attitude.estimation import most_likely
 
 # Probability, averaged over time, from which on another direction replaces that of a track; and
 # frames after which one counts 1 / e at most.  Chosen, not tuned: an arc between two directions

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from qflsd_ros.core import Arcs, AttitudeTracker, Tracker
 from qflsd_ros.core.arcs import TABLE, TRACKED_TABLE
-from qflsd_ros.core.geometry.labels import MEMORY, TrackLabels
+from qflsd_ros.core.attitude.labels import MEMORY, TrackLabels
 from qflsd_ros.core.lens.tracker import LensTracker
 from qflsd_ros.sources import Scene
 

@@ -7,11 +7,11 @@ from typing import NamedTuple, Union
 import numpy as np
 
 from qflsd_ros.core.arcs import Arcs
-from qflsd_ros.core.compilation import compiled
-from qflsd_ros.core.geometry.great_circles import (
+from qflsd_ros.core.attitude.great_circles import (
     COLUMNS, NORMAL_X, NORMAL_Y, observe, Observed, X, Y)
-from qflsd_ros.core.geometry.refinement import Prior
-from qflsd_ros.core.geometry.solution import EXACT, prior_of
+from qflsd_ros.core.attitude.refinement import Prior
+from qflsd_ros.core.attitude.solution import EXACT, prior_of
+from qflsd_ros.core.compilation import compiled
 from qflsd_ros.core.lens.camera_model import CameraModel
 from qflsd_ros.core.lens.division import DivisionModel
 from qflsd_ros.core.lens.estimation import estimate_distortion, LENS_ERROR, LensEstimate

@@ -15,16 +15,16 @@ import math
 import numpy as np
 
 from qflsd_ros.core.arcs import Arcs
-from qflsd_ros.core.averaging import Average
-from qflsd_ros.core.geometry import solution as solutions
-from qflsd_ros.core.geometry.attitude import (
+from qflsd_ros.core.attitude import solution as solutions
+from qflsd_ros.core.attitude.estimation import (
     arranged, Attitude, describe, direction, focal_of, used)
-from qflsd_ros.core.geometry.great_circles import COLUMNS
-from qflsd_ros.core.geometry.labels import TrackLabels
-from qflsd_ros.core.geometry.solution import (
+from qflsd_ros.core.attitude.great_circles import COLUMNS
+from qflsd_ros.core.attitude.labels import TrackLabels
+from qflsd_ros.core.attitude.solution import (
     axes_of, search, Solution, solve, supported, Unobservable)
-from qflsd_ros.core.geometry.vanishing import horizontal
-from qflsd_ros.core.geometry.view import Lens, shows_the_same, View, view_of
+from qflsd_ros.core.attitude.vanishing import horizontal
+from qflsd_ros.core.attitude.view import Lens, shows_the_same, View, view_of
+from qflsd_ros.core.averaging import Average
 
 # Views after which one counts 1 / e, as for the lens.
 MEMORY = 100
