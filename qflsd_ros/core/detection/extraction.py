@@ -59,13 +59,13 @@ def _model(points: np.ndarray, window: Span, limits: Limits) -> tuple[Model, flo
     middle = (begin + end) // 2
     if circle.is_known(limits.bend.lens):
         lens = limits.bend.lens
-        raw, square = circle.image_of_line(points[0, begin] - lens.x, points[1, begin] - lens.y,
-                                           points[0, end] - lens.x, points[1, end] - lens.y,
-                                           lens.lam)
+        raw, square = circle.image_of_line(
+            (points[0, begin] - lens.x, points[1, begin] - lens.y),
+            (points[0, end] - lens.x, points[1, end] - lens.y), lens.lam)
         return (raw, lens.x, lens.y), square
-    raw, square = circle.through(points[0, begin], points[1, begin], points[0, middle],
-                                 points[1, middle], points[0, end], points[1, end],
-                                 limits.bend.maximum)
+    raw, square = circle.through(
+        (points[0, begin], points[1, begin]), (points[0, middle], points[1, middle]),
+        (points[0, end], points[1, end]), limits.bend.maximum)
     return (raw, float(points[0, middle]), float(points[1, middle])), square
 
 

@@ -36,22 +36,33 @@ def cell(coordinate: float, cells: int) -> int:
     return min(max(int(coordinate / CELL), 0), cells - 1)
 
 
+@inlined
+def _cell_of(ends: np.ndarray, e: int, grid: Grid) -> int:
+    """Return the number of the cell that holds an end; cells are numbered row by row."""
+    return cell(ends[e, 1], grid.rows) * grid.columns + cell(ends[e, 0], grid.columns)
+
+
 @compiled
-def _sort(ends: np.ndarray, begins: np.ndarray, order: np.ndarray, places: np.ndarray,
-          columns: int, rows: int, filled: np.ndarray) -> None:
-    """Fill the arrays of a grid by a counting sort; ``begins`` is 0 before, ``filled`` scratch."""
-    for e in range(len(order)):
-        begins[cell(ends[e, 1], rows) * columns + cell(ends[e, 0], columns) + 1] += 1
-    for k in range(rows * columns):
+def _sort(ends: np.ndarray, grid: Grid, filled: np.ndarray) -> None:
+    """
+    Fill the arrays of a grid by a counting sort.
+
+    ``grid.begins`` is 0 before; ``filled`` is scratch of the same size: the next free place of
+    each cell in ``grid.order``.
+    """
+    begins = grid.begins
+    for e in range(len(grid.order)):
+        begins[_cell_of(ends, e, grid) + 1] += 1
+    for k in range(grid.rows * grid.columns):
         begins[k + 1] += begins[k]
         filled[k] = begins[k]
-    for e in range(len(order)):
-        at = cell(ends[e, 1], rows) * columns + cell(ends[e, 0], columns)
+    for e in range(len(grid.order)):
+        at = _cell_of(ends, e, grid)
         k = filled[at]
         filled[at] += 1
-        order[k] = e
+        grid.order[k] = e
         for column in range(4):
-            places[k, column] = ends[e, column]
+            grid.places[k, column] = ends[e, column]
 
 
 def sort_ends(ends: np.ndarray, order: np.ndarray, places: np.ndarray, height: int,
@@ -72,7 +83,7 @@ def sort_ends(ends: np.ndarray, order: np.ndarray, places: np.ndarray, height: i
     columns, rows = int(width / CELL) + 1, int(height / CELL) + 1
     begins, filled = np.zeros((2, columns * rows + 1), np.int64)
     grid = Grid(begins, order, places, columns, rows)
-    _sort(ends, *grid, filled)
+    _sort(ends, grid, filled)
     return grid
 
 

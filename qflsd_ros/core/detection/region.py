@@ -46,6 +46,13 @@ def _extent(lines: np.ndarray) -> tuple[int, int]:
 
 
 @inlined
+def transposed(where: Region) -> Region:
+    """Return a region of the transposed image."""
+    return Region(where.masked, where.allowed.T, where.seen.T, where.left, where.right, where.top,
+                  where.bottom)
+
+
+@inlined
 def is_open(allowed: np.ndarray, x: float, y: float) -> bool:
     """Return whether no masked pixel is within half a sampling step of a point, along x and y."""
     for side_x in (-SAMPLED / 2, SAMPLED / 2):
