@@ -30,6 +30,7 @@ Point = tuple[float, float]                     # x, y, px
 # of A by these residuals; the variances of A and D for points of a variance of 1 px^2; and 1 where
 # A is fitted, 0 where it is that of the image of a line.
 X0, Y0, A, B, C, D, RSS, COUNT, VAR_A, LEVER_A, LEVER_D, BENT, FIT_SIZE = range(13)
+
 NOISE_FLOOR = 0.05      # px, least standard deviation of a point (tuned on rendered edges)
 # Number of neighbouring edge points with the same error: they are located from shared pixels, and
 # blurred together (measured on rendered edges).

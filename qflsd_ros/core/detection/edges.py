@@ -114,7 +114,7 @@ def offset_of(dx: np.ndarray, dy: np.ndarray, width: int,
     step = 1 if across_x else width
     a, b, c = (_magnitude(dx[at - step], dy[at - step]), _magnitude(dx[at], dy[at]),
                _magnitude(dx[at + step], dy[at + step]))
-    # Below 0, since a < b >= c.
+    # No division by 0, since a < b >= c.
     offset = np.float32(0.5) * (a - c) / (a - b + (c - b))
     zero = np.float32(0)
     return offset if across_x else zero, zero if across_x else offset

@@ -13,7 +13,8 @@ import numpy as np
 
 from qflsd_ros.core.compilation import compiled, inlined
 
-CELL = 16.0             # px, side of a cell: changes the time alone
+# All of these are chosen, not tuned, unless stated otherwise.
+CELL = 16.0             # px, side of a cell: influences the time alone
 COSINE = math.cos(math.radians(9.0))        # least, of the angle between the tangents at a gap
 OVERLAP = 4.0           # px by which two pieces may overlap
 ACROSS = 1.2            # px, largest distance of an end from the tangent at the other end
@@ -25,7 +26,7 @@ class Grid(NamedTuple):
 
     begins: np.ndarray      # (rows columns + 1,) int64: index in order of each cell's first end
     order: np.ndarray       # (M,) int64: the ends (2 piece + side), sorted by cell
-    places: np.ndarray      # (M, 4) float64: x, y and outward unit tangent of the ends, as sorted
+    places: np.ndarray      # (M, 4) float64: x, y and outward unit tangent of these ends
     columns: int
     rows: int
 
@@ -93,7 +94,8 @@ def gap_to(tip: tuple[float, float, float, float], grid: Grid, k: int, longest: 
     x, y, tx, ty = tip
     gx, gy = grid.places[k, 0] - x, grid.places[k, 1] - y
     along, across = gx * tx + gy * ty, gx * ty - gy * tx
-    # Without a branch until all is known: most ends fail, each for another reason.
+    # One branch for all tests, since most ends fail, each in another test: more branches would be
+    # mispredicted.
     within = (along >= -OVERLAP) & (along <= longest)
     beside = abs(across) <= ACROSS + ACROSS_SLOPE * abs(along)
     if within & beside & (tx * grid.places[k, 2] + ty * grid.places[k, 3] <= -COSINE):

@@ -13,8 +13,9 @@ import numpy as np
 from qflsd_ros.core.compilation import compiled, inlined
 from qflsd_ros.core.detection.region import Region, region, transposed
 
-LINES = 12              # rows, and columns, that are sampled; chosen, not tuned
-PIECES = 16             # of a line, each with one steepest slope; chosen, not tuned
+# All of these are chosen, not tuned, unless stated otherwise.
+LINES = 12              # rows, and columns, that are sampled
+PIECES = 16             # of a line, each with one steepest slope
 SMALLEST = PIECES + 2   # px, of a side: a piece has one pixel at least
 STRONGEST = 0.03        # share of the pieces that cross a strong edge in most photographs
 USUAL = 110.0           # grey levels over 2 px, slope of the weakest of these

@@ -16,6 +16,7 @@ from qflsd_ros.core.circle import CurvatureLimits, fit, FIT_SIZE, UNKNOWN_LENS
 from qflsd_ros.core.compilation import compiled
 from qflsd_ros.core.lens.division import DivisionModel
 
+# All of these are chosen, not tuned, unless stated otherwise.
 # Edge points that are ignored at each end, where the blur of the gradient rounds corners; and
 # points that must remain, more than twice the three unknowns of a circle.
 CORNER, LEAST_POINTS = 3, 8
