@@ -168,7 +168,7 @@ def summarise(text: str) -> bool:
     try:
         print(text, flush=True)
     except OSError as error:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)    # else Python fails again when it exits
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)    # Python flushes it again at exit
         if not isinstance(error, BrokenPipeError):
             say(f'the summary cannot be written: {error.strerror}')
             return False

@@ -85,7 +85,7 @@ class Recordings:
         self._failed: set[str] = set()
 
     def __enter__(self) -> Recordings:
-        """Return this."""
+        """Return the recordings."""
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:

@@ -17,6 +17,7 @@ from qflsd_ros.core.detection.region import Region, region
 from qflsd_ros.core.lens.division import DivisionModel
 from qflsd_ros.core.parameters import Parameters
 
+# All of these are chosen, not tuned, unless stated otherwise.
 MIN_POINTS = 8              # edge points of the shortest piece of an arc in an image without noise
 # Shortest piece from which an arc is made, px for each edge point of the shortest piece (tuned on
 # photographs: with 1.25, sides of 17 px are found as often, and it takes 2 % longer).
