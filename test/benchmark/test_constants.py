@@ -38,10 +38,9 @@ def test_the_origin_of_all_constants_of_a_module() -> None:
     assert note('A = 1.5') == ''
 
 
-def test_every_constant_of_detection_and_lens_is_explained() -> None:
+def test_every_constant_of_the_core_is_explained() -> None:
     """A comment stands beside or above each; all parts of the core have constants."""
     found = constants()
-    assert [constant.title for constant in found if not constant.comment
-            and not constant.module.split('.')[-2] in ('geometry', 'tracking')] == []
-    assert {'detection', 'geometry', 'lens', 'tracking'} <= {
+    assert [constant.title for constant in found if not constant.comment] == []
+    assert {'attitude', 'detection', 'geometry', 'lens', 'tracking'} <= {
         constant.module.split('.')[-2] for constant in found}

@@ -15,7 +15,9 @@ from benchmark.variation import change, NOT_VARIED, scaled, varied
 import cv2
 import numpy as np
 import pytest
-from qflsd_ros.core.detection import assembly, extension, grid, thresholds
+from qflsd_ros.core.detection import assembly, extension
+from qflsd_ros.core.detection.contours import thresholds
+from qflsd_ros.core.detection.joining import grid
 
 
 def found(title: str) -> Constant:

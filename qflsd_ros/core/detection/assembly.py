@@ -12,11 +12,11 @@ from qflsd_ros.core.arcs import (
     RMS, SCORE, START, SUPPORT)
 from qflsd_ros.core.compilation import compiled, inlined
 from qflsd_ros.core.detection import validation
-from qflsd_ros.core.detection.agreement import MAX_TURN
 from qflsd_ros.core.detection.extension import extended, FARTHEST
 from qflsd_ros.core.detection.frame import Frame, Limits
-from qflsd_ros.core.detection.joining import Joined
-from qflsd_ros.core.detection.pieces import Pieces
+from qflsd_ros.core.detection.joining.agreement import MAX_TURN
+from qflsd_ros.core.detection.joining.joining import Joined
+from qflsd_ros.core.detection.joining.pieces import Pieces
 from qflsd_ros.core.detection.region import is_open, Region, SAMPLED
 from qflsd_ros.core.detection.suppression import suppress
 

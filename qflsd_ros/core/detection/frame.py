@@ -17,7 +17,7 @@ KNOWN_STD = 0.02
 class Frame(NamedTuple):
     """The gradients of one image, and its noise and contrast."""
 
-    dx: np.ndarray          # (H, W) int16 gradients, in units of 1 / edges.GAIN grey levels
+    dx: np.ndarray          # (H, W) int16 gradients, in units of 1 / gradients.GAIN grey levels
     dy: np.ndarray
     region: Region          # where arcs may be
     noise: float            # standard deviation of the gradients, grey levels

@@ -27,8 +27,8 @@ from qflsd_ros.core.arcs import (
     TABLE)
 from qflsd_ros.core.circle import CurvatureLimits, FIT_SIZE
 from qflsd_ros.core.compilation import compiled, inlined, summed
-from qflsd_ros.core.detection import noise
 from qflsd_ros.core.detection.assembly import Found, is_inside, write_geometry
+from qflsd_ros.core.detection.contours import noise
 from qflsd_ros.core.detection.frame import Frame, Limits
 from qflsd_ros.core.detection.region import Region
 

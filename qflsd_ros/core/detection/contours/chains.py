@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from qflsd_ros.core.compilation import compiled, inlined
-from qflsd_ros.core.detection.edges import offset_of, STRONG, VISITED
+from qflsd_ros.core.detection.contours.edges import offset_of, STRONG, VISITED
 
 # The 8 neighbours in order of their direction, from the x axis to the y axis and on.
 STEP_X = np.array([1, 1, 0, -1, -1, -1, 0, 1], np.int64)

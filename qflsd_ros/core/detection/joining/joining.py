@@ -15,13 +15,13 @@ import numpy as np
 from qflsd_ros.core import circle
 from qflsd_ros.core.circle import FIT_SIZE
 from qflsd_ros.core.compilation import compiled, inlined
-from qflsd_ros.core.detection.agreement import (
-    append, cost, evidence, flip_cost, Groups, needed, Trial, Workspace)
 from qflsd_ros.core.detection.frame import Frame, Limits
-from qflsd_ros.core.detection.grid import cell, gap_to, OVERLAP, sort_ends
-from qflsd_ros.core.detection.heap import Heap, ITEM, pop, push
+from qflsd_ros.core.detection.joining.agreement import (
+    append, cost, evidence, flip_cost, Groups, needed, Trial, Workspace)
+from qflsd_ros.core.detection.joining.grid import cell, gap_to, OVERLAP, sort_ends
+from qflsd_ros.core.detection.joining.heap import Heap, ITEM, pop, push
+from qflsd_ros.core.detection.joining.pieces import NODES, Pieces, RSS, SIZE
 from qflsd_ros.core.detection.order import longest_first
-from qflsd_ros.core.detection.pieces import NODES, Pieces, RSS, SIZE
 
 # All of these are chosen, not tuned, unless stated otherwise.
 GAP_SHARE = 0.7         # longest gap, of the sum of both lengths

@@ -13,11 +13,11 @@ import numpy as np
 
 from qflsd_ros.core import circle
 from qflsd_ros.core.compilation import compiled, inlined
+from qflsd_ros.core.detection.contours.gradients import GAIN
 from qflsd_ros.core.detection.frame import Frame, Limits
-from qflsd_ros.core.detection.gradients import GAIN
-from qflsd_ros.core.detection.grid import Grid
-from qflsd_ros.core.detection.heap import Heap
-from qflsd_ros.core.detection.pieces import COUNT, NODE_WEIGHT, NODES, Pieces, RSS, SIZE
+from qflsd_ros.core.detection.joining.grid import Grid
+from qflsd_ros.core.detection.joining.heap import Heap
+from qflsd_ros.core.detection.joining.pieces import COUNT, NODE_WEIGHT, NODES, Pieces, RSS, SIZE
 
 # All of these are chosen, not tuned, unless stated otherwise.
 # Largest rms distance of the shorter arc from the joined one: px, px per px of the longer arc,

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from qflsd_ros.core.compilation import compiled, inlined
-from qflsd_ros.core.detection.gradients import GAIN
+from qflsd_ros.core.detection.contours.gradients import GAIN
 
 WEAK, STRONG, VISITED = 1, 2, 4     # edge pixels in the edge map; VISITED: part of a chain
 
