@@ -97,14 +97,15 @@ class DetectorsNode(Node):
 
     def _follow(self, node: DetectorNode) -> None:
         """Run the node of a camera in this thread; an exception of its callbacks ends it alone."""
+        name = node.get_fully_qualified_name()
         try:
             node.run()
         except ExternalShutdownException:
             pass
         except Exception:
             if self.context.ok():
-                self.get_logger().error(f'{node.get_fully_qualified_name()} has ended; the other '
-                                        f'cameras go on:\n{traceback.format_exc()}')
+                self.get_logger().error(f'{name} has ended; the other cameras go on:\n'
+                                        f'{traceback.format_exc()}')
 
 
 def node_arguments(arguments: Sequence[str]) -> list[str]:
@@ -136,7 +137,8 @@ def _namespaces(cameras: Sequence[str], base: str) -> list[str]:
         try:
             validate_namespace(namespace)
         except NameValidationException as error:
-            raise ParameterError(f'parameter cameras contains {camera!r}: {error}') from error
+            raise ParameterError(f'parameter cameras contains {camera!r}: '
+                                 f'{str(error).splitlines()[0]}') from error
     return namespaces
 
 

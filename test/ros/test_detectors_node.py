@@ -127,7 +127,7 @@ def test_a_camera_that_cannot_be_started_is_left_out(peer: Peer) -> None:
     left = rig_of(peer, 'left', process)
     assert same(left.detect(image(picture('left'))), expected('left'))
     assert '/front/detector cannot be started: parameter min_length is -1.0' in process.output
-    assert f'({file}, line 3)' in process.output
+    assert f'{file}, line 3)' in process.output
     assert process.stop() == 0
 
 
