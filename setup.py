@@ -80,6 +80,8 @@ setup(
             f'demo = {NAME}.ros.__main__:demo',
             f'detect = {NAME}.cli.detect:main',
             f'detector = {NAME}.ros.__main__:detector',
+            f'detectors = {NAME}.ros.__main__:detectors',
+            f'warm_up = {NAME}.cli.warm_up:main',
         ],
     },
 )

@@ -20,7 +20,7 @@ TIMEOUT = 180.0  # s; generous: the machine may be busy, and kernels have to be 
 SOURCES = ('config', 'examples', 'launch', 'qflsd_ros', 'resource', 'test', 'CHANGELOG.rst',
            'LICENSE', 'package.xml', 'pyproject.toml', 'setup.cfg', 'setup.py')
 PROFILE = 'config/fastdds.xml'
-EXECUTABLES = ('camera', 'demo', 'detect', 'detector')
+EXECUTABLES = ('camera', 'demo', 'detect', 'detector', 'detectors', 'warm_up')
 COLCON = 'import sys; from colcon_core.command import main; sys.exit(main())'
 # colcon test runs a small part of the tests here: all of them would run this one again.
 PART = ('test/test_overlay.py', 'test/cli/test_inputs.py')

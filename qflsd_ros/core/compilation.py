@@ -19,7 +19,7 @@ import sys
 from typing import Any, NamedTuple, TypeVar
 
 import numba
-from qflsd_ros.core.kernel_cache import KernelCache, Store
+from qflsd_ros.core.kernel_cache import KernelCache, NAME_SIZE, Store
 
 
 Function = TypeVar('Function', bound=Callable[..., Any])
@@ -48,7 +48,7 @@ def _folder() -> Path:
         content = source.read_bytes()
         if source.is_relative_to(Path(__file__).parent) or b'core.compilation import' in content:
             digest.update(content)
-    return _cache_home() / 'qflsd_ros' / digest.hexdigest()[:16]
+    return _cache_home() / 'qflsd_ros' / digest.hexdigest()[:NAME_SIZE]
 
 
 STORE = Store(_folder)

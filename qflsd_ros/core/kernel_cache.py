@@ -18,6 +18,7 @@ import logging
 import os
 from pathlib import Path
 import pickle
+import re
 import shutil
 import tempfile
 from typing import Any
@@ -30,17 +31,32 @@ from qflsd_ros.core import private_folder
 DIGEST = hashlib.sha256
 DIGEST_SIZE = DIGEST().digest_size
 SUFFIX = '.kernel'
+NAME_SIZE = 16  # hexadecimal digits in the name of a folder: 64 bits, so that no two are the same
+FOLDER_NAME = re.compile(f'[0-9a-f]{{{NAME_SIZE}}}')
 
 
 class DamagedError(Exception):
     """A file holds something else than what was written."""
 
 
+class NotKeptError(Exception):
+    """A kernel is not in the store, and must not be compiled."""
+
+
 class Store:
-    """Files in a private folder; whatever goes wrong with them is logged once and ends nothing."""
+    """
+    Files in a private folder; whatever goes wrong with them is logged once and ends nothing.
+
+    Attributes
+    ----------
+    is_final
+        Whether a kernel that is not here raises NotKeptError, and is not compiled.
+
+    """
 
     def __init__(self, locate: Callable[[], Path]) -> None:
         """Take what returns the folder; it is made when the first file is asked for."""
+        self.is_final = False
         self._locate = locate
         self._folder: Path | None = None
         self._is_open = False
@@ -58,6 +74,11 @@ class Store:
             except OSError as error:
                 self._warn_unkept(error.filename, error)
         return self._folder
+
+    @property
+    def is_failing(self) -> bool:
+        """Whether something that should have been kept could not be."""
+        return 'unkept' in self._warned
 
     def read(self, name: str) -> bytes | None:
         """Return the content of a file, or None where there is no sound one."""
@@ -88,6 +109,22 @@ class Store:
                 raise
         except OSError as error:
             self._warn_unkept(self.folder, error)
+
+    def remove_others(self) -> list[Path]:
+        """
+        Remove the folders of other versions beside this one; return those that are gone.
+
+        A folder of another user stays, and so does whatever has another name than ours have.
+        """
+        if self.folder is None:
+            return []
+        others = [path for path in sorted(self.folder.parent.iterdir())
+                  if path != self.folder and FOLDER_NAME.fullmatch(path.name)
+                  and path.is_dir() and not path.is_symlink()
+                  and path.stat().st_uid == os.geteuid()]
+        for path in others:
+            shutil.rmtree(path, ignore_errors=True)
+        return [path for path in others if not path.exists()]
 
     @staticmethod
     def _content(path: Path) -> bytes:
@@ -136,6 +173,8 @@ class KernelCache(_Cache):
         target_context.refresh()
         content = self._store.read(self._name(sig, target_context.codegen()))
         if content is None:
+            if self._store.is_final:
+                raise NotKeptError(f'{self.module}.{self._function.__name__}')
             return None
         return CompileResult._rebuild(target_context, *pickle.loads(content))
 

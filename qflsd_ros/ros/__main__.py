@@ -1,5 +1,5 @@
 """
-The executables: ``python3 -m qflsd_ros.ros detector``, or ``camera``.
+The executables: ``python3 -m qflsd_ros.ros detector``, ``detectors`` or ``camera``.
 
 The imports of a node take about a second.  This file imports little, so that signals are handled
 from the beginning.
@@ -23,6 +23,11 @@ def camera() -> int:
 def detector() -> int:
     """Run the node ``detector``; return the exit code."""
     return _node('detector')
+
+
+def detectors() -> int:
+    """Run the nodes of several cameras; return the exit code."""
+    return _node('detectors')
 
 
 def demo() -> int:
@@ -67,7 +72,7 @@ def _run(name: str, module: str) -> int:
 
 def main() -> int:
     """Run the node that the command line names; return the exit code."""
-    nodes = {'camera': camera, 'detector': detector}
+    nodes = {'camera': camera, 'detector': detector, 'detectors': detectors}
     if sys.argv[1:2] and sys.argv[1] in nodes:
         return nodes[sys.argv[1]]()
     print(f'usage: python3 -m qflsd_ros.ros {"|".join(nodes)} [--ros-args ...]', file=sys.stderr)

@@ -10,6 +10,7 @@ from __future__ import annotations
 from threading import Thread
 import time
 import traceback
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from qflsd_ros.core import Attitude, Parameters, Tracker
@@ -35,8 +36,8 @@ from qflsd_ros.ros.run import run
 from qflsd_ros.ros.tracks import TrackStatistics
 from qflsd_ros.sources.frames import FrameError, SourceError
 from qflsd_ros.sources.reasons import Reason
-import rclpy
 from rclpy.clock import Clock, ClockType
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from std_msgs.msg import Header
 
@@ -58,8 +59,9 @@ class DetectorNode(Node):
 
     """
 
-    def __init__(self) -> None:
-        super().__init__('detector')
+    def __init__(self, **options: Any) -> None:
+        """Take options of rclpy.node.Node, such as a namespace."""
+        super().__init__('detector', **options)
         declaration.attach(self, (Parameters, Settings), self._apply, check_together)
         self._read_mask()
         self._statistics = Statistics()
@@ -83,9 +85,11 @@ class DetectorNode(Node):
         self._follow_subscribers()
 
     def run(self) -> None:
-        """Work until the node is shut down."""
+        """Work until the node is shut down, with an executor of its own."""
+        executor = SingleThreadedExecutor(context=self.context)
+        executor.add_node(self)
         try:
-            rclpy.spin(self)
+            executor.spin()
         finally:
             self._slot.close()
             if self._worker.is_alive():

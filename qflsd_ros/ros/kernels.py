@@ -2,12 +2,14 @@
 from __future__ import annotations
 
 from concurrent.futures import Future
+from contextlib import suppress
 from threading import Thread
 import time
 from typing import Callable
 
 from qflsd_ros.core import compilation
 from rclpy.clock import Clock, ClockType
+from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
 
 POLL_PERIOD, LOG_PERIOD = 1.0, 5.0  # s; about six lines in a compilation of half a minute
@@ -59,7 +61,8 @@ class Kernels:
         else:
             self._warmed.set_result(None)
         if self._node.context.ok():
-            self._finished.trigger()
+            with suppress(InvalidHandle):   # the node has ended meanwhile
+                self._finished.trigger()
 
     def _finish(self) -> None:
         self._warmed.result()

@@ -59,13 +59,13 @@ class Rig:
     A detector process between a camera and a subscriber, both of the test.
 
     Lens and tracking are off by default: a test may publish the same frame several times, and
-    compares the result with that of a detector.
+    compares the result with that of a detector.  A ``process`` that runs already is not started.
     """
 
     def __init__(self, peer: Peer, *arguments: str, node: str = '/detector',
                  topic: str = '/image', camera_type: type = Image,
                  listen: tuple[str, ...] = ('segments',), lens: str = 'off',
-                 tracking: bool = False,
+                 tracking: bool = False, process: Process | None = None,
                  camera_qos: QoSProfile = qos_profile_sensor_data, **environment: str) -> None:
         self.peer, self.name, self.topic = peer, node, topic
         self.received: dict[str, list[Any]] = defaultdict(list)
@@ -76,7 +76,7 @@ class Rig:
         peer.node.create_subscription(
             DiagnosticArray, '/diagnostics',
             lambda message: self.reports.extend(message.status), 10)
-        self.process: Process = peer.run(
+        self.process: Process = process or peer.run(
             *NODE, *arguments, '-p', f'lens:={lens}', '-p', f'tracking:={str(tracking).lower()}',
             **environment)
 

@@ -60,7 +60,7 @@ def test_a_bad_value_in_a_file_is_named_with_its_line(peer: Peer, node: str, par
     assert all(text in line for text in texts), line
 
 
-@pytest.mark.parametrize('name', ['camera', 'detector', 'demo'])
+@pytest.mark.parametrize('name', ['camera', 'detector', 'detectors', 'demo'])
 def test_without_ros_it_says_so_in_one_line(peer: Peer, name: str) -> None:
     """As after ``pip install .`` alone."""
     for package in ('rclpy', 'sensor_msgs', 'std_msgs', 'diagnostic_msgs', 'builtin_interfaces'):
@@ -78,4 +78,4 @@ def test_which_node_is_to_be_named(peer: Peer, arguments: tuple[str, ...]) -> No
     process = peer.run('-m', 'qflsd_ros.ros', *arguments)
     assert process.wait() == 2
     assert process.output.splitlines() == [
-        'usage: python3 -m qflsd_ros.ros camera|detector [--ros-args ...]']
+        'usage: python3 -m qflsd_ros.ros camera|detector|detectors [--ros-args ...]']

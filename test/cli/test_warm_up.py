@@ -1,0 +1,110 @@
+"""Compiling all kernels when the package is installed, and checking that they are there."""
+from __future__ import annotations
+
+from collections.abc import Iterator
+import os
+from pathlib import Path
+import subprocess
+import sys
+
+import pytest
+
+pytestmark = pytest.mark.slow
+TIMEOUT = 400.0  # s; generous: the machine may be busy while all kernels are compiled
+# What nodes and ``detect`` do, with everything switched on.
+USE = """
+from qflsd_ros.core import compilation, Parameters
+from qflsd_ros.ros.attitude import CameraAttitude
+from qflsd_ros.ros.finding import FrameSequence
+from qflsd_ros.ros.parameters.node_parameters import Settings
+from qflsd_ros.sources import Scene
+settings = Settings(attitude=True)
+for colour in (False, True):
+    image = Scene(320, 240, colour=colour, noise=0.0).image(0)
+sequence, attitude = FrameSequence(), CameraAttitude()
+for number in range(12):
+    gray = Scene(320, 240, lam=-0.3).image(number)
+    seen = sequence.find(gray, Parameters(detect_every=1 + number // 6), settings)
+    lens = sequence.lens.estimate(settings) or seen.model
+    attitude.follow(seen.arcs, gray.shape, settings, lens, None)
+assert len(seen.arcs)
+print(compilation.progress('qflsd_ros').compiled)
+"""
+
+
+def run(cache: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, *arguments], text=True, timeout=TIMEOUT,
+                          capture_output=True, env=os.environ | {'NUMBA_CACHE_DIR': str(cache)})
+
+
+def warm_up(cache: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    return run(cache, '-m', 'qflsd_ros.cli.warm_up', *arguments)
+
+
+def kernels(cache: Path) -> list[Path]:
+    return sorted(cache.rglob('*.kernel'))
+
+
+@pytest.fixture(scope='module')
+def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """Give a cache that ``warm_up`` has filled; there were other folders in it before."""
+    cache = tmp_path_factory.mktemp('cache')
+    cache.chmod(0o700)
+    for name in ('0123456789abcdef', 'notes'):
+        (cache / 'qflsd_ros' / name).mkdir(0o700, parents=True)
+        (cache / 'qflsd_ros' / name / 'old.kernel').write_text('')
+    said = warm_up(cache)
+    assert said.returncode == 0, said.stderr
+    assert str(kernels(cache)[0].parents[1]) in said.stdout
+    yield cache
+
+
+def test_all_kernels_are_compiled(cache: Path) -> None:
+    """Neither images of the scene, nor tracks, lens and attitude compile any more."""
+    said = run(cache, '-c', USE)
+    assert said.stdout.strip() == '0', said.stderr
+
+
+def test_old_caches_are_removed(cache: Path) -> None:
+    """Only what has a name as ours have: the folder of a user stays."""
+    names = {path.name for path in (cache / 'qflsd_ros').iterdir()}
+    assert 'notes' in names and '0123456789abcdef' not in names and len(names) == 2
+
+
+def test_a_check_of_a_complete_cache(cache: Path) -> None:
+    before = kernels(cache)
+    said = warm_up(cache, '--check')
+    assert (said.returncode, said.stderr) == (0, '')
+    assert str(before[-1].parent) in said.stdout or str(before[0].parent) in said.stdout
+    assert kernels(cache) == before
+
+
+def test_a_check_of_an_empty_cache(tmp_path: Path) -> None:
+    """It says so in one line, and compiles nothing."""
+    tmp_path.chmod(0o700)
+    said = warm_up(tmp_path, '--check')
+    assert (said.returncode, said.stdout) == (1, '')
+    line, = said.stderr.splitlines()
+    assert str(tmp_path) in line and 'is not compiled' in line
+    assert not kernels(tmp_path)
+
+
+def test_a_check_finds_a_missing_kernel(cache: Path) -> None:
+    """One of the scene alone: all kernels are checked, not those of the detector only."""
+    path = next(path for path in kernels(cache) if path.name.startswith('_mix'))
+    content = path.read_bytes()
+    path.unlink()
+    try:
+        said = warm_up(cache, '--check')
+        assert said.returncode == 1 and 'scene' in said.stderr
+        assert not path.exists()
+    finally:
+        path.write_bytes(content)
+        path.chmod(0o600)
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason='root may write anywhere')
+def test_kernels_that_cannot_be_kept(tmp_path: Path) -> None:
+    tmp_path.chmod(0o500)
+    said = warm_up(tmp_path)
+    assert said.returncode == 1 and 'could not all be kept' in said.stderr
