@@ -121,7 +121,7 @@ def warm_up() -> None:
     state = np.concatenate([np.eye(3).ravel(), np.zeros(5)])
     scale(seen, refine(seen, state, prior, 1))
     shares(rows, np.eye(3))
-    horizontal(rows, np.eye(3), np.eye(3))
+    horizontal(rows, np.eye(3), np.eye(3), np.eye(3)[1:2])
 
 
 def _stretch(lam: float) -> float:
