@@ -15,8 +15,11 @@ import time
 from typing import Callable
 
 from builtin_interfaces.msg import Time
+from geometry_msgs.msg import PoseStamped
 from qflsd_ros.core.parameters import check, parameter
+from qflsd_ros.ros.input.subscriptions import calibration_topic
 from qflsd_ros.ros.kernels import Kernels
+from qflsd_ros.ros.output import camera_info, orientation
 from qflsd_ros.ros.parameters import declaration
 from qflsd_ros.ros.run import run
 from qflsd_ros.sources import Frame, open_source, Scene, SceneFrames, Source
@@ -24,11 +27,14 @@ from rclpy.duration import Duration
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
-from sensor_msgs.msg import Image
+from sensor_msgs.msg import CameraInfo, Image
+from std_msgs.msg import Header
 
 SYNTHETIC = 'scene'
+MAP = 'map'         # frame of the poses, by REP 105
 # A shorter delay is caught up; a longer one, a few frames of a usual camera, means that the source
 # cannot keep its rate.
 MAX_LAG = 0.25      # s
@@ -54,14 +60,15 @@ class CameraSettings:
 
     source: str = parameter(
         SYNTHETIC, 'Source of the images: scene (a synthetic room), an image file, a folder of '
-        'images, a video file, a rosbag2, or the index of a webcam.', read_only=True)
+        'images (with sequence.json also poses and calibration), a video file, a rosbag2, or the '
+        'index of a webcam.', read_only=True)
     topic: str = parameter(
         '', 'Image topic of a rosbag2 to play; empty selects the first one.', read_only=True)
     rate: float = parameter(
-        30.0, 'Images per second; a rosbag2 is played at its recorded rate instead.',
+        30.0, 'Images per second; a rosbag2 or sequence is played at its recorded rate instead.',
         'Hz', 0.01, 1000.0, read_only=True)
     speed: float = parameter(
-        1.0, 'Factor by which a rosbag2 is played faster than it was recorded.',
+        1.0, 'Factor by which a rosbag2 or sequence is played faster than it was recorded.',
         '', 0.001, 1000.0, read_only=True)
     loop: bool = parameter(
         True, 'Start again after the last image; otherwise the node ends there.', read_only=True)
@@ -94,6 +101,9 @@ class CameraNode(Node):
     """
     Publishes the images of a source on ``image``.
 
+    ``camera_info`` beside it and ``pose`` exist only if the source knows them.  Both precede their
+    image, so that a subscriber has them when the image arrives.
+
     Raises
     ------
     ParameterError
@@ -107,13 +117,12 @@ class CameraNode(Node):
         super().__init__('camera')
         declaration.attach(self, (CameraSettings,), self._apply)
         declaration.warn_of_unknown(self)
-        self._publisher = self.create_publisher(
-            Image, 'image', QoSProfile(depth=5, reliability=ReliabilityPolicy.RELIABLE),
-            # The callback has nothing to do: the event wakes the executor, which then looks.
-            event_callbacks=PublisherEventCallbacks(matched=lambda _: None),
-            qos_overriding_options=QoSOverridingOptions.with_default_policies())
+        self._publisher = self._advertise(Image, 'image')
         self._due = 0.0  # time of the next frame, s on the monotonic clock
         self._source = open_camera(self._settings, self.get_logger().warning)
+        self._calibration = None if self._source.camera is None else self._advertise(
+            CameraInfo, calibration_topic(self.resolve_topic_name('image')))
+        self._pose = self._advertise(PoseStamped, 'pose') if self._source.posed else None
         if self._source.note:
             self.get_logger().info(f'{self._source.note}: parameter topic chooses another one')
         self._kernels = Kernels(self, 'qflsd_ros.sources', self._source.warm_up)
@@ -129,8 +138,15 @@ class CameraNode(Node):
             while (wait := self._due - time.monotonic()) > 0:
                 executor.spin_once(min(wait, LONGEST_WAIT))
             self._await_listener(executor)
-            self._publisher.publish(self._message(frame))
+            self._publish(frame)
         self._publisher.wait_for_all_acked(Duration(seconds=1))
+
+    def _advertise(self, message_type: type, topic: str) -> Publisher:
+        return self.create_publisher(
+            message_type, topic, QoSProfile(depth=5, reliability=ReliabilityPolicy.RELIABLE),
+            # The callback has nothing to do: the event wakes the executor, which then looks.
+            event_callbacks=PublisherEventCallbacks(matched=lambda _: None),
+            qos_overriding_options=QoSOverridingOptions.with_default_policies())
 
     def _apply(self, settings: CameraSettings) -> None:
         self._settings = settings
@@ -167,16 +183,28 @@ class CameraNode(Node):
             return 1 / self._settings.rate
         return (frame.recorded - last.recorded) * 1e-9 / self._settings.speed
 
-    def _message(self, frame: Frame) -> Image:
+    def _publish(self, frame: Frame) -> None:
+        """Publish calibration and pose, as far as they are known, and the image."""
         stamp = self.get_clock().now().nanoseconds if frame.stamp is None else frame.stamp
-        frame_id = self._settings.frame_id if frame.frame_id is None else frame.frame_id
-        message = Image(height=frame.height, width=frame.width, encoding=frame.encoding,
-                        is_bigendian=int(frame.is_bigendian), step=frame.step)
-        message.header.stamp = Time(sec=stamp // 10**9, nanosec=stamp % 10**9)
-        message.header.frame_id = frame_id
-        # Of any other type than array, the setter would check every single element.
-        message.data = array('B', frame.data)
-        return message
+        time_ = Time(sec=stamp // 10**9, nanosec=stamp % 10**9)
+        header = Header(stamp=time_, frame_id=self._settings.frame_id if frame.frame_id is None
+                        else frame.frame_id)
+        if self._calibration and self._source.camera:
+            self._calibration.publish(camera_info.calibrated(
+                header, self._source.camera, frame.height, frame.width))
+        if self._pose and frame.pose is not None:
+            self._pose.publish(orientation.pose(
+                Header(stamp=time_, frame_id=MAP), frame.pose))
+        self._publisher.publish(_image(header, frame))
+
+
+def _image(header: Header, frame: Frame) -> Image:
+    message = Image(header=header, height=frame.height, width=frame.width,
+                    encoding=frame.encoding, is_bigendian=int(frame.is_bigendian),
+                    step=frame.step)
+    # Of any other type than array, the setter would check every single element.
+    message.data = array('B', frame.data)
+    return message
 
 
 def open_camera(settings: CameraSettings, report: Callable[[str], None]) -> Source:
@@ -184,7 +212,7 @@ def open_camera(settings: CameraSettings, report: Callable[[str], None]) -> Sour
     colour = settings.encoding == 'bgr8'
     if settings.source == SYNTHETIC:
         return SceneFrames(Scene(settings.width, settings.height, settings.lam, settings.noise,
-                                 settings.seed, colour))
+                                 settings.seed, colour), report)
     return open_source(settings.source, colour, settings.topic, settings.rate, report)
 
 

@@ -15,6 +15,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from qflsd_ros.core import Attitude, Parameters, Tracker
 from qflsd_ros.core.geometry import solution
 from qflsd_ros.core.lens import estimation
+from qflsd_ros.core.line_features.feed import Feed
 from qflsd_ros.ros.attitude import CameraAttitude
 from qflsd_ros.ros.calibration import calibrated, CalibrationWatch
 from qflsd_ros.ros.diagnostics import Statistics
@@ -67,6 +68,7 @@ class DetectorNode(Node):
         self._sequence = FrameSequence()
         self._tracks = TrackStatistics()
         self._attitude, self._watch = CameraAttitude(), CalibrationWatch()
+        self._feed = Feed()
         self._outputs = Publishers(self, self._follow_subscribers)
         self._diagnostics = advertise(self, DiagnosticArray, '/diagnostics')
         self._transport = TRANSPORTS[self._active[1].image_transport]
@@ -143,7 +145,7 @@ class DetectorNode(Node):
         focal = self._attitude.focal
         result = Result(header, gray, seen.arcs, settings, seen.model, seen.tails,
                         self._calibration.newest, self._calibration.topic,
-                        attitude, self._attitude.reason, focal and focal[0])
+                        attitude, self._attitude.reason, focal and focal[0], self._feed)
         for reason, text in self._outputs.publish(result).items():
             self._reject(reason, text)
         self._statistics.done(time.monotonic() - frame.arrival, self._age(header), len(seen.arcs))

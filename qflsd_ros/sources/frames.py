@@ -3,11 +3,12 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 import logging
 from typing import Any, Callable
 
 import numpy as np
+from qflsd_ros.core.lens.camera_model import CameraModel
 from qflsd_ros.sources.reasons import Reason
 
 Report = Callable[[str], None]
@@ -60,6 +61,8 @@ class Frame:
         Coordinate frame of the camera; None if the source does not have one.
     recorded
         Time at which the frame was recorded, ns; None outside recordings.
+    pose
+        (4, 4) float64, maps points of the optical frame to the map, m; None if it is not known.
 
     """
 
@@ -73,6 +76,7 @@ class Frame:
     stamp: int | None = None
     frame_id: str | None = None
     recorded: int | None = None
+    pose: np.ndarray | None = field(default=None, compare=False)
 
     @classmethod
     def of(cls, image: np.ndarray, encoding: str, name: str, **more: Any) -> Frame:
@@ -99,11 +103,17 @@ class Source(ABC):
         Whether frames arrive at the rate of a camera and have the time at which they were taken.
     on_demand
         Whether each frame is computed when it is requested, so that frames may be omitted.
+    camera
+        The calibrated camera that took the frames; None if it is not known.
+    posed
+        Whether the frames have poses.
 
     """
 
     live = False
     on_demand = False
+    camera: CameraModel | None = None
+    posed = False
 
     def __init__(self, name: str, report: Report) -> None:
         self.name = name

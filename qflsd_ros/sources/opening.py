@@ -13,6 +13,7 @@ from pathlib import Path
 from qflsd_ros.sources.bag import Bag, STORAGE_SUFFIXES
 from qflsd_ros.sources.files import IMAGE_SUFFIXES, list_files, open_folder, open_image
 from qflsd_ros.sources.frames import Report, report_by_log, Source, SourceError
+from qflsd_ros.sources.sequence import DESCRIPTION, Sequence
 from qflsd_ros.sources.video import Video, Webcam
 
 # Files that count as videos in a folder; a file that is named by itself is one unless it has the
@@ -47,12 +48,13 @@ def kind_of(path: Path) -> Kind:
 def open_source(text: str, colour: bool = False, topic: str = '', rate: float = 30.0,
                 report: Report = report_by_log) -> Source:
     """
-    Open an image, a folder of images, a video, a webcam or a rosbag2.
+    Open an image, a folder of images, a sequence, a video, a webcam or a rosbag2.
 
     Parameters
     ----------
     text
-        A path, or the number of a webcam, as ``0``.
+        A path, or the number of a webcam, as ``0``.  A folder of images that has a sequence.json
+        is a sequence.
     colour
         Whether images are converted to bgr8 instead of mono8.  Raw images of a rosbag2 keep their
         encoding.
@@ -86,6 +88,8 @@ def open_source(text: str, colour: bool = False, topic: str = '', rate: float = 
     kind = kind_of(path)
     if kind is Kind.BAG:
         return Bag(path, topic, report)
+    if kind is Kind.FOLDER and os.path.exists(path / DESCRIPTION):
+        return Sequence(path, colour, report)
     if kind is Kind.FOLDER:
         return open_folder(path, colour, report)
     if kind is Kind.IMAGE:

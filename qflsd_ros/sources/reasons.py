@@ -31,12 +31,14 @@ class Reason(Enum):
                   'the file `mask` has not as many pixels as the image')
     NO_LENS = ('no lens', 'no `~/camera_info` and `~/rectified` for this image: the '
                '[lens](lens.md) is off, or not known yet')
-    NO_CALIBRATION = ('no camera_info', 'no `~/planes` for this image: none has come beside '
-                      '`image`; all else is published')
+    NO_CALIBRATION = ('no camera_info', 'no `~/planes` and `~/line_features` for this image: none '
+                      'has come beside `image`; all else is published')
     OTHER_CALIBRATION = ('camera_info of another size', 'the same: it belongs to images of '
                          'another size; the log names both')
     BAD_CALIBRATION = ('camera_info of no use', 'the same: its model is unknown, or its numbers '
                        'belong to no camera; the log says which')
+    NO_TRACKS = ('no tracks', 'no `~/line_features` for this image: parameter `tracking` is '
+                 'false, or the method is not `arcs`')
     NO_ATTITUDE = ('no attitude', 'no `~/attitude` and `~/gravity` for this image: parameter '
                    '`attitude` is false, or its arcs do not show [up](attitude.md); the log says '
                    'why')

@@ -16,7 +16,7 @@ from qflsd_ros.ros.parameters.node_parameters import Settings
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter as RosParameter
 from rclpy.qos import qos_profile_sensor_data, QoSProfile
-from sensor_msgs.msg import CameraInfo, CompressedImage, Image, Imu, PointCloud2
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image, Imu, PointCloud, PointCloud2
 from visualization_msgs.msg import MarkerArray
 
 if TYPE_CHECKING:
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
 NODE = ('-m', 'qflsd_ros.ros', 'detector', '--ros-args')
 TYPES = {'segments': PointCloud2, 'arcs': PointCloud2, 'markers': MarkerArray, 'overlay': Image,
-         'planes': PointCloud2, 'camera_info': CameraInfo, 'rectified': PointCloud2,
-         'attitude': Imu, 'gravity': Vector3Stamped}
+         'planes': PointCloud2, 'line_features': PointCloud, 'camera_info': CameraInfo,
+         'rectified': PointCloud2, 'attitude': Imu, 'gravity': Vector3Stamped}
 COUNTS = ('frames', 'frames lost', 'frames dropped', 'frames bad')
 stamps = itertools.count(1000)
 

@@ -1,6 +1,7 @@
 """The camera as a process over real DDS."""
 from __future__ import annotations
 
+import json
 import os
 from pathlib import Path
 import signal
@@ -8,15 +9,17 @@ import time
 from typing import Any, TYPE_CHECKING
 
 import cv2
+from geometry_msgs.msg import PoseStamped
 import numpy as np
 import pytest
 from qflsd_ros.ros.camera import CameraSettings, main
+from qflsd_ros.ros.output.camera_info import camera_model
 from qflsd_ros.ros.parameters.declaration import yaml_text
 from qflsd_ros.sources import Scene
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import get_typestore, Stores
-from sensor_msgs.msg import Image
+from sensor_msgs.msg import CameraInfo, Image
 
 if TYPE_CHECKING:
     from conftest import Peer, Process
@@ -215,3 +218,80 @@ def test_nothing_is_lost_by_a_best_effort_subscription_of_depth_1(peer):
     peer.until(lambda: len(numbers) >= 150)
     # On a busy machine this process may come too late for one now and then.
     assert numbers[-1] - numbers[0] + 1 - len(numbers) <= 3
+
+
+def together(peer: Peer, prefix: str, count: int) -> list[tuple[Image, CameraInfo, PoseStamped]]:
+    """Return images with the calibration and the pose of the same stamp."""
+    received: dict[str, dict[int, Any]] = {'image': {}, 'camera_info': {}, 'pose': {}}
+
+    def take(topic: str) -> Any:
+        return lambda message: received[topic].__setitem__(stamp(message), message)
+    for topic, kind in (('image', Image), ('camera_info', CameraInfo), ('pose', PoseStamped)):
+        name = topic if topic == 'pose' else prefix + topic
+        peer.node.create_subscription(kind, name, take(topic), 10)
+
+    def common() -> list[int]:
+        return sorted(set.intersection(*map(set, received.values())))
+    peer.until(lambda: len(common()) >= count)
+    return [(received['image'][key], received['camera_info'][key], received['pose'][key])
+            for key in common()]
+
+
+def matrix(message: PoseStamped) -> np.ndarray:
+    """Return the (4, 4) matrix of a pose."""
+    q, p = message.pose.orientation, message.pose.position
+    x, y, z, w = q.x, q.y, q.z, q.w
+    turn = np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+                     [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+                     [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)]])
+    result = np.eye(4)
+    result[:3, :3], result[:3, 3] = turn, (p.x, p.y, p.z)
+    return result
+
+
+def test_scene_publishes_its_calibration_and_its_true_pose(peer):
+    start(peer, 'width:=160', 'height:=120', 'lam:=-0.4', 'frame_id:=eye')
+    scene = Scene(160, 120, lam=-0.4)
+    frames = [scene.image(number).tobytes() for number in range(200)]
+    grid = np.stack(np.meshgrid([0.0, 80, 159], [0.0, 60, 119]), -1).reshape(-1, 2)
+    for image, info, pose in together(peer, '', 5):
+        assert info.header == image.header and image.header.frame_id == 'eye'
+        assert pose.header.stamp == image.header.stamp and pose.header.frame_id == 'map'
+        number = frames.index(bytes(image.data))
+        assert matrix(pose) == pytest.approx(scene.pose(number), abs=1e-9)
+        rays = camera_model(info, '/camera_info', 120, 160).rays(grid)
+        wanted = scene._camera(number).rays(grid) @ scene._camera(number).axes.T
+        wanted /= np.linalg.norm(wanted, axis=1, keepdims=True)
+        assert np.abs(rays - wanted).max() < 0.1 / 90
+
+
+def test_sequence_is_published_with_stamps_poses_and_calibration(peer, tmp_path):
+    poses = []
+    for number in range(40):
+        turn = np.eye(4)
+        turn[:3, :3] = cv2.Rodrigues(np.array([0.1 * number, 3.0, 0.02 * number]))[0]
+        turn[:3, 3] = number, 2, -1
+        poses.append(turn)
+        cv2.imwrite(str(tmp_path / f'{number}.png'), np.full((6, 8), number, np.uint8))
+    content = {'K': [[20.0, 0, 4], [0, 21, 3], [0, 0, 1]], 'distortion': [0.1, -0.2],
+               'frames': [{'image': f'{number}.png', 'stamp': 100 + 0.05 * number,
+                           'pose': pose.tolist()} for number, pose in enumerate(poses)]}
+    (tmp_path / 'sequence.json').write_text(json.dumps(content))
+    # The calibration stays beside the image, where the detector looks for it.
+    peer.run('-m', 'qflsd_ros.ros', 'camera', '--ros-args', '-r', 'image:=/cam/image',
+             '-p', f'source:={tmp_path}')
+    for image, info, pose in together(peer, '/cam/', 8):
+        number = image.data[0]
+        assert stamp(image) == 100 * 10**9 + 50_000_000 * number
+        assert info.header == image.header and (info.width, info.height) == (8, 6)
+        assert info.distortion_model == 'plumb_bob' and info.d.tolist() == [0.1, -0.2, 0, 0, 0]
+        assert info.k.tolist() == [20, 0, 4, 0, 21, 3, 0, 0, 1]
+        assert matrix(pose) == pytest.approx(poses[number], abs=1e-9)
+
+
+def test_a_source_without_calibration_has_no_such_topics(peer, tmp_path):
+    cv2.imwrite(str(tmp_path / 'a.png'), np.zeros((6, 8), np.uint8))
+    start(peer, f'source:={tmp_path}')
+    receive(peer, 2)
+    topics = {name for name, _ in peer.node.get_publisher_names_and_types_by_node('camera', '/')}
+    assert '/image' in topics and not topics & {'/camera_info', '/pose'}

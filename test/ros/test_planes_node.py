@@ -55,11 +55,12 @@ def test_planes_hold_the_lines(peer: Peer) -> None:
         assert rows['covariance_xx'][i] > 0
 
 
-def test_camera_info_is_left_alone_while_nobody_listens_to_planes(peer: Peer) -> None:
+@pytest.mark.parametrize('output', ['planes', 'line_features'])
+def test_camera_info_is_left_alone_while_nobody_needs_it(peer: Peer, output: str) -> None:
     rig = Rig(peer).ready()
     # At its start the detector subscribes for a moment, to check the quality of service.
     peer.until(lambda: peer.node.count_subscribers('/camera_info') == 0)
-    listener = rig.listen('planes')
+    listener = rig.listen(output)
     peer.until(lambda: peer.node.count_subscribers('/camera_info') == 1)
     peer.node.destroy_subscription(listener)
     peer.until(lambda: peer.node.count_subscribers('/camera_info') == 0)

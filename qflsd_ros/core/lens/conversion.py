@@ -89,7 +89,6 @@ def camera_info_terms(lens: DivisionModel, focal_length: float = 0.0) -> CameraI
     """
     focal_length = focal_length or natural_focal_length(lens)
     unit, lam = lens.half_diagonal, lens.lam
-    x, y = lens.origin
     whole, part = _reaches(lens)
     for name, fit, radius in (('rational_polynomial', _rational, whole),
                               ('equidistant', _equidistant, whole),
@@ -97,8 +96,38 @@ def camera_info_terms(lens: DivisionModel, focal_length: float = 0.0) -> CameraI
         coefficients, miss = fit(lam, np.linspace(0, radius, RADII + 1)[1:], focal_length / unit)
         if unit * miss <= CLOSE[name]:
             break
-    matrix = np.array([[focal_length, 0, x], [0, focal_length, y], [0, 0, 1]])
-    return CameraInfoTerms(name, coefficients, matrix, unit * radius, unit * miss)
+    return CameraInfoTerms(name, coefficients, _matrix(lens, focal_length), unit * radius,
+                           unit * miss)
+
+
+def calibration_terms(lens: DivisionModel, focal_length: float) -> CameraInfoTerms:
+    """
+    Fit a model of CameraInfo to a lens of known focal length, all over the image.
+
+    Of ``rational_polynomial`` and ``equidistant``, the result is the one with the smaller
+    residual.  :func:`camera_info_terms` serves rectification instead, and may leave out a part of
+    the image for that.
+
+    Parameters
+    ----------
+    lens
+        The lens.
+    focal_length
+        Its focal length at the distortion centre, px.
+
+    """
+    radii, unit = np.linspace(0, _reaches(lens)[0], RADII + 1)[1:], lens.half_diagonal
+    fits = {name: fit(lens.lam, radii, focal_length / unit)
+            for name, fit in (('rational_polynomial', _rational), ('equidistant', _equidistant))}
+    name, (coefficients, miss) = min(fits.items(), key=lambda item: item[1][1])
+    return CameraInfoTerms(name, coefficients, _matrix(lens, focal_length),
+                           unit * float(radii[-1]), unit * miss)
+
+
+def _matrix(lens: DivisionModel, focal_length: float) -> np.ndarray:
+    """Return the camera matrix K of square pixels about the distortion centre, (3, 3) px."""
+    x, y = lens.origin
+    return np.array([[focal_length, 0, x], [0, focal_length, y], [0, 0, 1]])
 
 
 def _reaches(lens: DivisionModel) -> tuple[float, float]:

@@ -12,6 +12,10 @@ from qflsd_ros.sources.reasons import Reason
 from sensor_msgs.msg import CameraInfo
 from std_msgs.msg import Header
 
+# Coefficients in a message, by ROS's convention.  Those of a thin prism follow as 4 more where a
+# camera has them, which OpenCV accepts.
+LENGTHS = {'plumb_bob': 5, 'rational_polynomial': 8, 'equidistant': 4}
+
 
 class CalibrationError(FrameError):
     """A CameraInfo that is missing, or that does not describe the camera of the image."""
@@ -40,7 +44,7 @@ def camera_model(info: CameraInfo | None, topic: str, height: int, width: int) -
     if info is None:
         raise CalibrationError(
             Reason.NO_CALIBRATION,
-            f'no camera_info has been received on {topic}: planes need one')
+            f'no camera_info has been received on {topic}: planes and line_features need one')
     if size(info) != (width, height):
         raise CalibrationError(
             Reason.OTHER_CALIBRATION,
@@ -86,6 +90,23 @@ def uncalibrated(header: Header, model: DivisionModel) -> CameraInfo:
     return CameraInfo(header=header, height=height, width=width)
 
 
+def calibrated(header: Header, camera: CameraModel, height: int, width: int) -> CameraInfo:
+    """Return the CameraInfo of a calibrated camera without rotation, for images of its size."""
+    length = LENGTHS[camera.model]
+    coefficients = camera.coefficients if camera.coefficients[length:].any() \
+        else camera.coefficients[:length]
+    return _info(header, (height, width), camera.model, camera.matrix, coefficients)
+
+
+def _info(header: Header, shape: tuple[int, int], model: str, matrix: np.ndarray,
+          coefficients: np.ndarray) -> CameraInfo:
+    """Return a CameraInfo in which K is the camera matrix of the rectified image, too."""
+    projection = np.concatenate([matrix, np.zeros((3, 1))], axis=1)
+    return CameraInfo(
+        header=header, height=shape[0], width=shape[1], distortion_model=model,
+        d=array('d', coefficients), k=matrix.ravel(), r=np.eye(3).ravel(), p=projection.ravel())
+
+
 def message(header: Header, model: DivisionModel, focal_length: float) -> CameraInfo:
     """
     Return the CameraInfo with which a rectifying node straightens images of a lens.
@@ -106,9 +127,4 @@ def message(header: Header, model: DivisionModel, focal_length: float) -> Camera
 
     """
     found = described(model, focal_length)
-    height, width = model.shape
-    projection = np.concatenate([found.matrix, np.zeros((3, 1))], axis=1)
-    return CameraInfo(
-        header=header, height=height, width=width, distortion_model=found.distortion_model,
-        d=array('d', found.coefficients), k=found.matrix.ravel(), r=np.eye(3).ravel(),
-        p=projection.ravel())
+    return _info(header, model.shape, found.distortion_model, found.matrix, found.coefficients)

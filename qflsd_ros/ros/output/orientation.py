@@ -1,12 +1,13 @@
 """
-Messages of the attitude: orientation by REP 145, and the direction of gravity.
+Messages of orientation: that of the attitude by REP 145, gravity, and the pose of a camera.
 
-The world has z upwards.  Its x axis is a horizontal direction of the place, so that yaw is
-arbitrary; it is continuous while the attitude is followed.
+The world of the attitude has z upwards.  Its x axis is a horizontal direction of the place, so
+that yaw is arbitrary; it is continuous while the attitude is followed.
 """
 from __future__ import annotations
 
-from geometry_msgs.msg import Quaternion, Vector3, Vector3Stamped
+from geometry_msgs.msg import (
+    Point, Pose, PoseStamped, Quaternion, Vector3, Vector3Stamped)
 import numpy as np
 from qflsd_ros.core import Attitude
 from sensor_msgs.msg import Imu
@@ -57,3 +58,11 @@ def gravity(header: Header, attitude: Attitude) -> Vector3Stamped:
     """Return the unit vector downwards, the direction of gravity, in the optical frame."""
     x, y, z = (-attitude.directions[0]).tolist()
     return Vector3Stamped(header=header, vector=Vector3(x=x, y=y, z=z))
+
+
+def pose(header: Header, matrix: np.ndarray) -> PoseStamped:
+    """Return the pose of a camera; ``matrix`` is (4, 4), from its optical frame to the map, m."""
+    x, y, z = matrix[:3, 3].tolist()
+    a, b, c, w = quaternion(matrix[:3, :3]).tolist()
+    return PoseStamped(header=header, pose=Pose(
+        position=Point(x=x, y=y, z=z), orientation=Quaternion(x=a, y=b, z=c, w=w)))

@@ -45,7 +45,7 @@ class Publishers:
 
     def publish(self, result: Result) -> dict[str, str]:
         """
-        Build and publish all wanted outputs of a frame.
+        Build and publish all wanted outputs of a frame that it passes.
 
         An output that cannot be built does not keep back the others.  Returns the error texts of
         such outputs, by the phrase of their reason.
@@ -53,7 +53,8 @@ class Publishers:
         errors: dict[str, str] = {}
         for output in self.wanted():
             try:
-                self._publishers[output].publish(output.message(result))
+                if output.passes(result):
+                    self._publishers[output].publish(output.message(result))
             except FrameError as error:
                 errors[error.reason] = str(error)
             except Exception:

@@ -6,7 +6,7 @@ subscription.
 """
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Callable, NamedTuple
 
@@ -14,17 +14,22 @@ from geometry_msgs.msg import Vector3Stamped
 import numpy as np
 from qflsd_ros.core import Arcs, Attitude
 from qflsd_ros.core.geometry.attitude import with_directions
-from qflsd_ros.core.geometry.planes import planes
+from qflsd_ros.core.geometry.planes import Planes, planes
 from qflsd_ros.core.lens.camera_model import CameraModel
 from qflsd_ros.core.lens.division import DivisionModel
 from qflsd_ros.core.lens.estimation import with_straightness
+from qflsd_ros.core.line_features.feed import Feed, Limits
+from qflsd_ros.core.line_features.undistorted import undistorted
 from qflsd_ros.overlay import Tails
 from qflsd_ros.ros import attitude as attitudes
 from qflsd_ros.ros import lens
 from qflsd_ros.ros.output import camera_info, clouds, orientation
+from qflsd_ros.ros.output.line_features import line_features
 from qflsd_ros.ros.output.markers import markers
 from qflsd_ros.ros.parameters.node_parameters import Settings
-from sensor_msgs.msg import CameraInfo, Image, Imu, PointCloud2
+from qflsd_ros.sources.frames import FrameError
+from qflsd_ros.sources.reasons import Reason
+from sensor_msgs.msg import CameraInfo, Image, Imu, PointCloud, PointCloud2
 from std_msgs.msg import Header
 from visualization_msgs.msg import MarkerArray
 
@@ -56,6 +61,8 @@ class Result:
         The attitude, or None and the reason why.
     focal
         The focal length by the arcs, px; None while it is unknown.
+    feed
+        The choice of lines for ``~/line_features``, which goes on over frames.
 
     """
 
@@ -70,11 +77,26 @@ class Result:
     attitude: Attitude | None = None
     no_attitude: str = attitudes.OFF
     focal: float | None = None
+    feed: Feed = field(default_factory=Feed)
 
     @cached_property
     def arcs_with_straightness(self) -> Arcs:
         """Return the arcs with ``straight`` and ``direction``, computed once for all outputs."""
         return with_directions(with_straightness(self.arcs, self.model), self.attitude)
+
+    @cached_property
+    def planes(self) -> Planes:
+        """Return the planes of the arcs, computed once; CalibrationError as of calibration."""
+        return planes(self.arcs, calibration(self))
+
+    @property
+    def stamp(self) -> int:
+        """Return the stamp of the image, ns."""
+        return self.header.stamp.sec * 10**9 + self.header.stamp.nanosec
+
+
+class TrackingError(FrameError):
+    """An output needs tracks, which the arcs do not have."""
 
 
 Need = Callable[[Result], Any]
@@ -101,6 +123,25 @@ def calibration(result: Result) -> CameraModel:
         result.calibration, result.calibration_topic, *result.gray.shape)
 
 
+def tracked(result: Result) -> Arcs:
+    """Return the arcs with their tracks and directions; TrackingError without tracks."""
+    if not result.arcs.is_tracked:
+        raise TrackingError(
+            Reason.NO_TRACKS, 'parameter tracking is false, or method is not arcs: '
+            '~/line_features needs tracks')
+    return with_directions(result.arcs, result.attitude)
+
+
+def every_image(result: Result) -> bool:
+    """Let every image pass."""
+    return True
+
+
+def at_the_rate_of_line_features(result: Result) -> bool:
+    """Let the images pass that are due at the rate of ~/line_features."""
+    return result.feed.pace.due(result.stamp, result.settings.line_features_rate)
+
+
 class Output(NamedTuple):
     """
     One topic of the detector.
@@ -115,6 +156,9 @@ class Output(NamedTuple):
         Returns the message, or its serialised bytes, of a result and of whatever ``needs`` give.
     needs
         Functions of a result whose values ``build`` takes after it.
+    passes
+        Whether an image has a message on this topic; called once for each image while the topic
+        has a subscription.
 
     """
 
@@ -122,6 +166,7 @@ class Output(NamedTuple):
     message_type: type
     build: Callable[..., Any]
     needs: tuple[Need, ...] = ()
+    passes: Callable[[Result], bool] = every_image
 
     def message(self, result: Result) -> Any:
         """Build the message of a result; FrameError if one of the needs cannot be met."""
@@ -161,7 +206,16 @@ def _rectified(result: Result, arcs: Arcs, model: DivisionModel) -> PointCloud2:
 
 
 def _planes(result: Result, camera: CameraModel) -> PointCloud2:
-    return clouds.plane_records(result.header, planes(result.arcs, camera), result.arcs)
+    return clouds.plane_records(result.header, result.planes, result.arcs)
+
+
+def _line_features(result: Result, arcs: Arcs, camera: CameraModel) -> PointCloud:
+    settings = result.settings
+    lines, ids = result.feed.take(
+        undistorted(arcs, result.planes, camera), arcs, result.gray.shape, Limits(
+            settings.line_features_max, settings.line_features_min_length, settings.cameras,
+            settings.camera_index))
+    return line_features(result.header, lines, ids, arcs.table[lines.arcs])
 
 
 def _attitude(result: Result, found: Attitude) -> Imu:
@@ -180,6 +234,8 @@ OUTPUTS = (
     Output('~/camera_info', CameraInfo, _camera_info, (distortion,)),
     Output('~/rectified', PointCloud2, _rectified, (straightness, distortion)),
     Output('~/planes', PointCloud2, _planes, (calibration,)),
+    Output('~/line_features', PointCloud, _line_features, (tracked, calibration),
+           at_the_rate_of_line_features),
     Output('~/attitude', Imu, _attitude, (attitude,)),
     Output('~/gravity', Vector3Stamped, _gravity, (attitude,)),
 )

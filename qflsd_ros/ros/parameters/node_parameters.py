@@ -9,6 +9,7 @@ from qflsd_ros.sources.encoded import MAX_PIXELS
 
 LENSES = ('off', 'estimate', 'fixed')
 MOST_TRAILS = 300       # images, ten seconds at 30 Hz; chosen, not tuned
+MOST_CAMERAS = 16       # leaves 65535 different lines below 2^24, before numbers repeat
 # Directions of the optical frame (x right, y down, z forward) by name.
 UP_HINTS = {'-y': (0.0, -1.0, 0.0), 'y': (0.0, 1.0, 0.0), '-x': (-1.0, 0.0, 0.0),
             'x': (1.0, 0.0, 0.0), '-z': (0.0, 0.0, -1.0), 'z': (0.0, 0.0, 1.0)}
@@ -113,6 +114,21 @@ class Settings:
         0.5, 'Diagnostics warn when arcs of straight edges stay bent by significantly more than '
         'this after undistortion by the camera_info beside the images; 0 disables the warning. '
         'Needs attitude.', 'px', 0.0, 100.0)
+    line_features_rate: float = parameter(
+        10.0, 'Messages per second on ~/line_features, of the images closest to regular times by '
+        'their stamps: every k-th one at a rate that divides that of the camera. 0 selects every '
+        'image.', 'Hz', 0.0, 1000.0)
+    line_features_max: int = parameter(
+        70, 'Largest number of lines in a message on ~/line_features, balanced over orientations '
+        'and quarters of the image, lines chosen before and long tracks first.', '', 1, 10000)
+    line_features_min_length: float = parameter(
+        30.0, 'Shortest line on ~/line_features; PL-VINS uses lines from 60 px on.',
+        'px', 0.0, 10000.0)
+    cameras: int = parameter(
+        1, 'Number of cameras whose lines a subscriber of ~/line_features takes: its id is that '
+        'of the line times cameras plus camera_index.', '', 1, MOST_CAMERAS)
+    camera_index: int = parameter(
+        0, 'Which of the cameras this one is, from 0 to cameras - 1.', '', 0, MOST_CAMERAS - 1)
     max_age: float = parameter(
         0.5, 'Diagnostics warn when the median time from the stamp of an image to its results '
         'exceeds this; 0 disables the warning.', 's', 0.0, 3600.0)
@@ -137,6 +153,9 @@ def check_together(parameters: Parameters, settings: Settings) -> None:
     if settings.focal == 'fixed' and not settings.focal_length:
         raise ValueError("focal is 'fixed' and focal_length is 0: focal_length must be the focal "
                          'length in px')
+    if settings.camera_index >= settings.cameras:
+        raise ValueError(f'camera_index is {settings.camera_index} and cameras is '
+                         f'{settings.cameras}: camera_index must be below cameras')
     if parameters.method == 'paper' and settings.has_region:
         raise ValueError("method is 'paper': must be 'arcs' with a mask or a region of interest "
                          '(roi_x, roi_y, roi_width, roi_height), which the paper does not have')

@@ -7,6 +7,7 @@ from math import hypot, nan, sqrt
 import numpy as np
 
 from qflsd_ros.core.compilation import compiled, inlined
+from qflsd_ros.core.lens.conversion import calibration_terms, CameraInfoTerms
 from qflsd_ros.core.lens.division import DivisionModel
 
 # Focal length, half diagonals: 96 degrees over the diagonal without distortion, so that the camera
@@ -29,6 +30,12 @@ class Camera:
     lens: DivisionModel
     position: np.ndarray    # (3,) m
     axes: np.ndarray        # (3, 3): the image's x axis, its y axis, the optical axis as rows
+
+    def pose(self) -> np.ndarray:
+        """Return the matrix that maps points of the camera's axes to the world: (4, 4), m."""
+        matrix = np.eye(4)
+        matrix[:3, :3], matrix[:3, 3] = self.axes.T, self.position
+        return matrix
 
     def numbers(self) -> tuple[float, ...]:
         """
@@ -55,6 +62,11 @@ class Camera:
             root = np.sqrt(depth ** 2 - 4 * self.lens.lam * square)
             q = np.where(depth + root > 0, 2 * side / (depth + root), np.nan)
         return q * self.lens.half_diagonal + self.lens.origin
+
+
+def calibration(lens: DivisionModel) -> CameraInfoTerms:
+    """Return the lens of the scene in the terms of CameraInfo, with its true focal length."""
+    return calibration_terms(lens, FOCAL * lens.half_diagonal)
 
 
 def angles_per_pixel(lens: DivisionModel) -> tuple[float, float]:

@@ -9,16 +9,18 @@ import math
 import numpy as np
 
 from qflsd_ros.core.arcs import Arcs
+from qflsd_ros.core.lens.camera_model import CameraModel
 from qflsd_ros.core.lens.division import DivisionModel
 from qflsd_ros.sources.files import encoding
-from qflsd_ros.sources.frames import Frame, report_by_log, Source
+from qflsd_ros.sources.frames import Frame, Report, report_by_log, Source
 from qflsd_ros.sources.scene import room
-from qflsd_ros.sources.scene.optics import Camera
+from qflsd_ros.sources.scene.optics import calibration, Camera
 from qflsd_ros.sources.scene.raycast import render, TEXTURE_SIZE
 from qflsd_ros.sources.scene.solids import Box, Edge, edges, front_faces, surfaces
 from qflsd_ros.sources.scene.truth import visible_arcs
 
 FRAMES_PER_TURN = 1200      # frames of the closed path: 40 s at 30 Hz, a walk around the room
+ACCURATE = 0.1              # px, accuracy of edge points
 # Weights of blue, green, red in grey levels (ITU-R BT.601), as OpenCV converts colours.
 LUMA = np.array([[0.114], [0.587], [0.299]])
 
@@ -90,6 +92,10 @@ class Scene:
         clean = self._render(number, np.zeros((*self.lens.shape, 1), np.float32))
         return visible_arcs(self._edges, self._boxes, self._camera(number), clean[..., 0])
 
+    def pose(self, number: int) -> np.ndarray:
+        """Return a frame's pose: (4, 4) float64, from the optical frame to the room, m."""
+        return self._camera(number).pose()
+
     def _camera(self, number: int) -> Camera:
         return Camera(self.lens, *room.viewpoint(number / FRAMES_PER_TURN))
 
@@ -106,13 +112,24 @@ class Scene:
 
 
 class SceneFrames(Source):
-    """The scene as an endless source."""
+    """
+    The scene as an endless source.
+
+    ``camera`` is its lens in the terms of CameraInfo; a difference of more than the accuracy of
+    edges is reported.
+    """
 
     on_demand = True
+    posed = True
 
-    def __init__(self, scene: Scene) -> None:
-        super().__init__('scene', report_by_log)
+    def __init__(self, scene: Scene, report: Report = report_by_log) -> None:
+        super().__init__('scene', report)
         self._scene = scene
+        terms = calibration(scene.lens)
+        self.camera = CameraModel(terms.distortion_model, terms.matrix, terms.coefficients)
+        if terms.residual > ACCURATE:
+            report(f'scene: camera_info differs from the lens by up to {terms.residual:.2f} px: '
+                   f'no model of CameraInfo fits lam {scene.lens.lam:g} better')
 
     def warm_up(self) -> None:
         """Compile the kernels of the renderer, or load them from the cache."""
@@ -121,7 +138,7 @@ class SceneFrames(Source):
     def _frames(self) -> Iterator[Frame]:
         for number in itertools.count():
             yield Frame.of(self._scene.image(number), encoding(self._scene.colour),
-                           f'frame {number}')
+                           f'frame {number}', pose=self._scene.pose(number))
 
 
 @lru_cache(maxsize=4)  # seeds at a time; finding the edges takes a quarter of a second

@@ -9,7 +9,7 @@ import pytest
 from qflsd_ros.core import DivisionModel
 from qflsd_ros.core.lens.camera_model import CameraModel
 from qflsd_ros.core.lens.conversion import (
-    camera_info_terms, CameraInfoTerms, CLOSE, natural_focal_length)
+    calibration_terms, camera_info_terms, CameraInfoTerms, CLOSE, natural_focal_length)
 
 SHAPE = (480, 640)
 lambdas = st.floats(-3, 0.24)
@@ -120,3 +120,24 @@ def test_a_fisheye_is_described_in_full_where_its_focal_length_lets_it(lam, foca
 def test_a_focal_length_of_a_fisheye():
     assert natural_focal_length(DivisionModel(0.0, (600, 800))) == 500
     assert natural_focal_length(DivisionModel(-1.0, (600, 800))) == 250
+
+
+@pytest.mark.parametrize('lam', [-0.75, -0.5, -0.2, 0.0, 0.1, 0.3, 0.5])
+@pytest.mark.parametrize('focal', [200.0, 360.0, 800.0])
+def test_calibration_holds_all_over_the_image(lam: float, focal: float) -> None:
+    """Also for a pincushion whose corners lie where the undistorted image is steep."""
+    lens = DivisionModel(lam, SHAPE)
+    found = calibration_terms(lens, focal)
+    assert found.matrix.tolist() == [[focal, 0, 319.5], [0, focal, 239.5], [0, 0, 1]]
+    assert found.radius == pytest.approx(np.hypot(319.5, 239.5))
+    rays = CameraModel(found.distortion_model, found.matrix, found.coefficients).rays(grid())
+    side, depth = rays[:, :2], rays[:, 2:] * lens.half_diagonal / focal
+    root = np.sqrt(depth ** 2 - 4 * lam * (side ** 2).sum(1, keepdims=True))
+    imaged = 2 * side / (depth + root) * lens.half_diagonal + lens.origin
+    assert np.abs(imaged - grid()).max() < found.residual + 1e-4 < 0.1
+
+
+def test_calibration_of_a_fisheye_reaches_beyond_90_degrees() -> None:
+    lens = DivisionModel(-1.3, SHAPE)
+    found = calibration_terms(lens, natural_focal_length(lens))
+    assert found.distortion_model == 'equidistant' and found.residual < 0.1

@@ -3,9 +3,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from qflsd_ros.core.lens.camera_model import CameraModel
 from qflsd_ros.ros.output import camera_info
 from qflsd_ros.ros.output.camera_info import CalibrationError
 from sensor_msgs.msg import CameraInfo, RegionOfInterest
+from std_msgs.msg import Header
 
 K = [400.0, 3.0, 321.0, 0.0, 410.0, 239.0, 0.0, 0.0, 1.0]
 D = [-0.2, 0.05, 0.001, -0.002, 0.0]
@@ -45,3 +47,18 @@ def test_images_of_another_size_are_named(binning: tuple[int, int],
                        'must describe images of 640 x 480') as caught:
         camera_info.camera_model(info(binning, region), '/camera_info', 480, 640)
     assert caught.value.reason == 'camera_info of another size'
+
+
+@pytest.mark.parametrize('model, given, wanted', [
+    ('plumb_bob', [-0.2], [-0.2, 0, 0, 0, 0]), ('equidistant', [0.1, 0.2], [0.1, 0.2, 0, 0]),
+    ('rational_polynomial', [0.1] * 6, [0.1] * 6 + [0, 0]),
+    ('rational_polynomial', [0.1] * 9, [0.1] * 9 + [0, 0, 0])])
+def test_a_calibrated_camera_comes_back(model: str, given: list[float],
+                                        wanted: list[float]) -> None:
+    camera = CameraModel(model, np.reshape(K, (3, 3)), np.array(given))
+    info = camera_info.calibrated(Header(frame_id='eye'), camera, 480, 640)
+    assert info.d.tolist() == wanted and info.header.frame_id == 'eye'
+    assert info.r.tolist() == np.eye(3).ravel().tolist()
+    back = camera_info.camera_model(info, '/camera_info', 480, 640)
+    assert back.model == model and (back.matrix == camera.matrix).all()
+    assert (back.coefficients == camera.coefficients).all()

@@ -85,3 +85,36 @@ def test_source_begins_with_frame_0_each_time():
         assert frames[2].data == Scene(32, 24).image(2).tobytes()
     assert (frames[0].height, frames[0].width, frames[0].step) == (24, 32, 32)
     assert frames[0].encoding == 'mono8' and frames[0].stamp is None
+
+
+@pytest.mark.parametrize('lam', [-0.7, -0.5, 0.0, 0.1, 0.5])
+def test_calibration_and_pose_describe_the_images(lam: float) -> None:
+    """By both, the true 3-D edges are where the image shows their arcs."""
+    scene = Scene(640, 480, lam, noise=0.0)
+    source = SceneFrames(scene)
+    frame = next(islice(source, 600, None))
+    assert source.posed
+    ends = scene._edge_ends.reshape(-1, 3)
+    pixels = scene._camera(600).project(ends)
+    inside = ((pixels >= 0) & (pixels <= (639, 479))).all(axis=1)
+    assert inside.sum() > 50
+    rays = source.camera.rays(pixels[inside]) @ frame.pose[:3, :3].T
+    towards = ends[inside] - frame.pose[:3, 3]
+    towards /= np.linalg.norm(towards, axis=1, keepdims=True)
+    assert np.abs(rays - towards).max() < 0.1 / 360
+    turn = frame.pose[:3, :3]
+    assert np.allclose(turn @ turn.T, np.eye(3)) and np.linalg.det(turn) > 0
+
+
+def test_camera_walks_two_metres_in_half_a_turn() -> None:
+    scene = Scene(32, 24)
+    places = np.array([scene.pose(number)[:3, 3] for number in range(0, 601, 5)])
+    assert np.linalg.norm(np.diff(places, axis=0), axis=1).sum() > 2
+
+
+@pytest.mark.parametrize(('lam', 'count'), [(-0.75, 0), (-1.0, 1)])
+def test_misfit_of_the_calibration_is_reported(lam: float, count: int) -> None:
+    reports: list[str] = []
+    SceneFrames(Scene(640, 480, lam), reports.append)
+    assert len(reports) == count
+    assert all('camera_info differs from the lens by up to' in report for report in reports)
