@@ -14,7 +14,7 @@ from benchmark.experiment import Effort, Experiment, QUICK
 from benchmark.experiments import (
     ablation, accuracy, degraded, exactness, false_alarms, growth, lens, line_features, memory,
     node, overhead, paper_tables, plates, repeatability, robustness, sameness, sensitivity, speed,
-    stages)
+    stages, tracks)
 from benchmark.scenes.rendered import write
 from tqdm import tqdm
 
@@ -24,7 +24,8 @@ EXPERIMENTS: dict[str, Callable[[Experiment], str]] = {
     'plates': plates.measure, 'accuracy': accuracy.measure, 'ablation': ablation.measure,
     'degraded': degraded.measure, 'robustness': robustness.measure,
     'exactness': exactness.measure, 'false_alarms': false_alarms.measure, 'lens': lens.measure,
-    'repeatability': repeatability.measure, 'line_features': line_features.measure,
+    'repeatability': repeatability.measure, 'tracks': tracks.measure,
+    'line_features': line_features.measure,
     'sameness': sameness.measure, 'speed': speed.measure, 'growth': growth.measure,
     'stages': stages.measure, 'node': node.measure,
     'overhead': overhead.measure, 'memory': memory.measure}
