@@ -71,7 +71,7 @@ class Flow:
     def __call__(self, gray: np.ndarray) -> Tracked:
         """Take the next frame, (H, W) uint8."""
         lines = self._peer(gray)
-        ids = np.full(len(lines), -1)
+        ids = np.full(len(lines), -1, np.int64)
         if self._last is not None and lines and self._last[1].lines:
             for before, after in self._pairs(gray, lines):
                 ids[after] = self._last[1].ids[before]
@@ -91,7 +91,8 @@ class Flow:
         here = sample(lines)
         distance, index = cKDTree(here.points).query(moved.reshape(-1, 2))
         hit = (ok.ravel() == 1) & (distance <= REACH)
-        votes = Counter(zip(line[hit].tolist(), here.line[index[hit]].tolist()))
+        arrived = here.line[np.asarray(index)[hit]]
+        votes = Counter(zip(line[hit].tolist(), arrived.tolist()))
         total = np.bincount(line, minlength=len(before.lines))
         pairs: dict[int, int] = {}
         taken: set[int] = set()

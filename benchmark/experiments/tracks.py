@@ -4,20 +4,21 @@ from __future__ import annotations
 from itertools import islice
 from typing import NamedTuple
 
+from benchmark.datasets import Lens
 from benchmark.experiment import Experiment
 from benchmark.identity import LAGS, Lives, lives, over_frames, Sums
 from benchmark.metrics import ratio
 from benchmark.parallel import each
 from benchmark.report import number, section, table
 from benchmark.scenes.turning import Turning
-from benchmark.scenes.walk import Walk
+from benchmark.scenes.return_walk import ReturnWalk
 from benchmark.timing import run
 from benchmark.trackers import available, begin, title
 import numpy as np
 from tqdm import tqdm
 
 SPEEDS = {'slow': 1.0, 'fast': 3.0}
-LENSES = 'regular', 'fisheye'
+LENSES: tuple[Lens, ...] = ('regular', 'fisheye')
 LAMBDAS = 0.0, -0.3, -0.6
 STARTS = 0, 300, 600, 900       # quarters of the room's path
 WARM = 5                        # frames that do not count for the time
@@ -29,7 +30,7 @@ class Task(NamedTuple):
 
     name: str
     sequence: str
-    frames: Turning | Walk
+    frames: Turning | ReturnWalk
 
 
 class Totals(NamedTuple):
@@ -46,7 +47,7 @@ def follow(task: Task) -> Totals:
     return Totals(over_frames(task.frames, found), lives(found))
 
 
-def sequences(experiment: Experiment) -> list[tuple[str, Turning | Walk]]:
+def sequences(experiment: Experiment) -> list[tuple[str, Turning | ReturnWalk]]:
     """Return the sequences with their names."""
     effort = experiment.effort
     frames, made = 2 * effort.frames, []
@@ -56,14 +57,14 @@ def sequences(experiment: Experiment) -> list[tuple[str, Turning | Walk]]:
                 made += [(f'{lens}, {speed}', Turning(view.gray, view.lam, frames, factor))
                          for speed, factor in SPEEDS.items()]
     starts = islice(STARTS, effort.viewpoints + 1)
-    walks = [(f'{ROOM}{lam:g}', Walk(effort.shape, lam, frames, start))
+    walks = [(f'{ROOM}{lam:g}', ReturnWalk(effort.shape, lam, frames, start))
              for start in starts for lam in LAMBDAS]
     return sorted([*made, *walks], key=lambda pair: pair[0])
 
 
 def milliseconds(experiment: Experiment) -> dict[str, tuple[float, float]]:
     """Return the time a frame of each tracker, ms, and how much of it is beyond detection."""
-    walk = Walk(experiment.effort.shape, LAMBDAS[1], experiment.effort.frames + WARM, 0)
+    walk = ReturnWalk(experiment.effort.shape, LAMBDAS[1], experiment.effort.frames + WARM, 0)
     images = [walk.frame(i) for i in range(len(walk))]
     trackers = {name: begin(name) for name in available()}
     times: dict[str, list[tuple[float, float]]] = {name: [] for name in trackers}

@@ -62,16 +62,16 @@ class Turning:
         """Return frame i, (H, W) uint8, the same at each call."""
         grid = np.stack(np.meshgrid(*map(np.arange, self.size)), axis=-1).reshape(-1, 2)
         rays = self._rays(grid.astype(float)) @ self._turns[i].T
-        source = self._points(rays) + self._shift
-        image = cv2.remap(self._gray, source.astype(np.float32).reshape(*self.size[::-1], 2), None,
-                          cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+        source = (self._points(rays) + self._shift).astype(np.float32)
+        x, y = source.reshape(*self.size[::-1], 2).transpose(2, 0, 1)
+        image = cv2.remap(self._gray, x, y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
         noise = np.random.default_rng(i).normal(0, NOISE, image.shape)
         return np.clip(np.rint(image * self._gain[i] + noise), 0, 255).astype(np.uint8)
 
     def carry(self, pieces: Samples, i: int, j: int) -> np.ndarray:
         """Return the middles (N, 2) px of pieces of frame i in frame j; nan where not in sight."""
         there = self._points(self._rays(pieces.points) @ self._turns[i].T @ self._turns[j])
-        inside = ((there >= BORDER) & (there <= self.size - 1 - BORDER)).all(axis=1)
+        inside = np.all((there >= BORDER) & (there <= self.size - 1 - BORDER), axis=1)
         return np.where(inside[:, None], there, np.nan)
 
     def _rays(self, points: np.ndarray) -> np.ndarray:

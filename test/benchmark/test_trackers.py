@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from benchmark import trackers
-from benchmark.scenes.walk import Walk
+from benchmark.scenes.return_walk import ReturnWalk
 import numpy as np
 import pytest
 
@@ -10,7 +10,7 @@ import pytest
 @pytest.mark.parametrize('name', trackers.available())
 def test_identities_go_on(name):
     """In a slow walk most lines have an identity of the frame before, none has it twice."""
-    walk, tracker = Walk((240, 320), 0.0, 4, 0), trackers.begin(name)
+    walk, tracker = ReturnWalk((240, 320), 0.0, 4, 0), trackers.begin(name)
     first, second = tracker(walk.frame(0)), tracker(walk.frame(1))
     assert len(first.lines) == len(first.ids) > 20
     for frame in first, second:
@@ -24,7 +24,7 @@ def test_a_frame_without_lines(name):
     for _ in range(2):
         found = tracker(np.full((240, 320), 90, np.uint8))
         assert len(found.lines) == len(found.ids) == 0
-    assert len(tracker(Walk((240, 320), 0.0, 1, 0).frame(0)).ids) > 20
+    assert len(tracker(ReturnWalk((240, 320), 0.0, 1, 0).frame(0)).ids) > 20
 
 
 def test_every_tracker_has_a_title():

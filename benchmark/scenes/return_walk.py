@@ -29,7 +29,7 @@ class View(NamedTuple):
     camera: Camera
 
 
-class Walk:
+class ReturnWalk:
     """
     Frames of the room, and the places of points in all of them.
 
