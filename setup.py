@@ -18,6 +18,7 @@ setup(
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),
         (f'share/{NAME}/config', glob('config/*')),
+        (f'share/{NAME}/examples', glob('examples/*.py')),
         (f'share/{NAME}/launch', glob('launch/*.launch.py')),
     ],
     zip_safe=False,

@@ -12,9 +12,9 @@ from benchmark import peers, quote, report
 from benchmark.datasets import Dataset, DatasetError
 from benchmark.experiment import Effort, Experiment, QUICK
 from benchmark.experiments import (
-    ablation, accuracy, degraded, exactness, false_alarms, growth, lens, line_features, memory,
-    node, overhead, paper_tables, plates, repeatability, robustness, sameness, sensitivity, speed,
-    stages, tracks)
+    ablation, accuracy, attitude, degraded, exactness, false_alarms, growth, lens, line_features,
+    mapping, memory, node, overhead, paper_tables, plates, repeatability, robustness, sameness,
+    sensitivity, speed, stages, tracks)
 from benchmark.scenes.rendered import write
 from tqdm import tqdm
 
@@ -24,16 +24,17 @@ EXPERIMENTS: dict[str, Callable[[Experiment], str]] = {
     'plates': plates.measure, 'accuracy': accuracy.measure, 'ablation': ablation.measure,
     'degraded': degraded.measure, 'robustness': robustness.measure,
     'exactness': exactness.measure, 'false_alarms': false_alarms.measure, 'lens': lens.measure,
+    'attitude': attitude.measure,
     'repeatability': repeatability.measure, 'tracks': tracks.measure,
     'line_features': line_features.measure,
     'sameness': sameness.measure, 'speed': speed.measure, 'growth': growth.measure,
     'stages': stages.measure, 'node': node.measure,
-    'overhead': overhead.measure, 'memory': memory.measure}
+    'overhead': overhead.measure, 'memory': memory.measure, 'mapping': mapping.measure}
 # Only by name: it takes a quarter of an hour, and changes only when a constant of the core does.
 BY_NAME = {'sensitivity': sensitivity.measure}
 PARTIAL = 'partial.md'  # the report of some experiments, beside that of a run of all of them
 RENDERED = 'rendered'
-SEQUENCES = 'seq'
+SEQUENCES, ATTITUDES = 'seq', 'attitude'
 USAGE = 2               # exit code
 
 
@@ -78,12 +79,14 @@ def prepare(arguments: argparse.Namespace) -> Experiment:
     sequences = arguments.sequence
     if dataset and not sequences:
         sequences = repeatability.sequences(arguments.data.resolve().parent / SEQUENCES)
+    attitudes = arguments.data and arguments.data.resolve().parent / ATTITUDES
     effort = QUICK if arguments.quick else Effort()
     rendered = write(output / RENDERED, effort.shape, effort.per_lens)
     names = peers.available()
     for name in arguments.peer:
         peers.load(name)
     return Experiment(dataset or rendered, rendered, tuple(sequences),
+                      attitudes if attitudes and attitudes.is_dir() else None,
                       (*names[:-1], *arguments.peer, names[-1]), output, effort,
                       arguments.figures_from_data)
 

@@ -38,6 +38,8 @@ class Experiment:
         Rendered images, which the report may show; photographs may have any licence.
     sequences
         Folders of frames, for repeatability.
+    attitudes
+        Folder of photographs with true attitudes, None without one.
     peers
         Names for :func:`benchmark.peers.load`, without the published method.
     output
@@ -52,6 +54,7 @@ class Experiment:
     dataset: Dataset
     rendered: Dataset
     sequences: tuple[Path, ...]
+    attitudes: Path | None
     peers: tuple[str, ...]
     output: Path
     effort: Effort

@@ -4,7 +4,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from qflsd_ros.core.geometry.attitude import Attitude
+from qflsd_ros.core.attitude.estimation import Attitude
 from qflsd_ros.overlay import DIRECTIONS, SUBPIXEL_BITS
 
 STEP = 8            # px between the points at which the horizon is sought; it bends little between

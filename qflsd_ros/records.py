@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 from qflsd_ros.core.arcs import Arcs
+from qflsd_ros.core.geometry.line_map import MappedLines
 from qflsd_ros.core.geometry.planes import Planes
 from qflsd_ros.core.lens.division import DivisionModel, rectified
 from qflsd_ros.core.lens.estimation import with_straightness
@@ -25,12 +26,25 @@ ARC = np.dtype([('x', '<f4'), ('y', '<f4'), ('z', '<f4')] + [
     for name, column in with_straightness(Arcs.empty(), None).columns().items()]
     + [('track', '<u4'), ('age', '<u4'), ('held', '<u4'), ('direction', '<i4')])
 
-# A plane: its normal, the upper triangle of its covariance row by row, and the number of its arc.
+# A plane: its normal, the upper triangle of its covariance row by row, the number and the
+# identity of its arc, and the rays of the arc's ends.
 COVARIANCE = ('xx', 'xy', 'xz', 'yy', 'yz', 'zz')
+ENDS = ('start', 'end')
 PLANE = np.dtype(
     [(f'normal_{axis}', '<f4') for axis in 'xyz']
     + [(f'covariance_{axes}', '<f4') for axes in COVARIANCE]
-    + [('segment', '<u4'), ('track', '<u4')])
+    + [('segment', '<u4'), ('track', '<u4')]
+    + [(f'{end}_{axis}', '<f4') for end in ENDS for axis in 'xyz'])
+
+# A line of the map: its point, its direction, the first of the two directions across (the second
+# is direction x across), start and end, the upper triangle of the covariance of two shifts and
+# two tilts along these, and its track.
+SHIFTS_AND_TILTS = tuple(one + other for i, one in enumerate('xyuv') for other in 'xyuv'[i:])
+LINE = np.dtype(
+    [('x', '<f4'), ('y', '<f4'), ('z', '<f4')]
+    + [(f'{vector}_{axis}', '<f4') for vector in ('direction', 'across', *ENDS) for axis in 'xyz']
+    + [(f'covariance_{pair}', '<f4') for pair in SHIFTS_AND_TILTS]
+    + [('track', '<u4'), ('seen', '<u4')])
 
 # Codes of numpy's types in sensor_msgs/PointField.
 DATATYPES = {'i1': 1, 'u1': 2, 'i2': 3, 'u2': 4, 'i4': 5, 'u4': 6, 'f4': 7, 'f8': 8}
@@ -96,9 +110,39 @@ def of_planes(planes: Planes, arcs: Arcs) -> np.ndarray:
     rows = np.zeros(len(planes.arcs), PLANE)
     for column, axis in enumerate('xyz'):
         rows[f'normal_{axis}'] = planes.normals[:, column]
+    for number, end in enumerate(ENDS):
+        for column, axis in enumerate('xyz'):
+            rows[f'{end}_{axis}'] = planes.ends[:, number, column]
     for i, j, axes in zip(*np.triu_indices(3), COVARIANCE):
         rows[f'covariance_{axes}'] = planes.covariances[:, i, j]
     rows['segment'], rows['track'] = planes.arcs, _tracks(arcs)[planes.arcs]
+    return rows
+
+
+def planes_of(rows: np.ndarray) -> tuple[np.ndarray, Planes]:
+    """Return the identities, (N,) int64, and the planes of records with the fields of PLANE."""
+    covariances = np.empty((len(rows), 3, 3))
+    for i, j, axes in zip(*np.triu_indices(3), COVARIANCE):
+        covariances[:, i, j] = covariances[:, j, i] = rows[f'covariance_{axes}']
+    normals, start, end = (
+        np.stack([rows[f'{name}_{axis}'] for axis in 'xyz'], axis=1).astype(float)
+        for name in ('normal', *ENDS))
+    return rows['track'].astype(np.int64), Planes(
+        rows['segment'].astype(np.int64), normals, covariances, np.stack([start, end], axis=1))
+
+
+def of_lines(mapped: MappedLines) -> np.ndarray:
+    """Return a record for each line of a map: (N,) of :data:`LINE`."""
+    lines, rows = mapped.lines, np.zeros(len(mapped.tracks), LINE)
+    ends = lines.ends
+    for name, vectors in (('direction', lines.directions), ('across', lines.across[:, 0]),
+                          ('start', ends[:, 0]), ('end', ends[:, 1])):
+        for column, axis in enumerate('xyz'):
+            rows[f'{name}_{axis}'] = vectors[:, column]
+    for i, j, pair in zip(*np.triu_indices(4), SHIFTS_AND_TILTS):
+        rows[f'covariance_{pair}'] = lines.covariances[:, i, j]
+    rows['x'], rows['y'], rows['z'] = lines.points.T
+    rows['track'], rows['seen'] = mapped.tracks, mapped.seen
     return rows
 
 

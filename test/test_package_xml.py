@@ -66,8 +66,9 @@ def imported(*folders: str) -> Iterator[str]:
 
 @pytest.mark.parametrize('distro', DISTROS)
 def test_keys_are_those_of_what_is_imported(distro: str) -> None:
-    """Each import of the package and of its launch file has its key, and each key its import."""
-    others = set(imported('qflsd_ros', 'launch')) - sys.stdlib_module_names - {'qflsd_ros'}
+    """Each import of package, launch file and examples has its key, and each key its import."""
+    found = set(imported('qflsd_ros', 'launch', 'examples'))
+    others = found - sys.stdlib_module_names - {'qflsd_ros'}
     known = {module: key for key, _, module in PYTHON}
     wanted = {known.get(module, module) for module in others}
     if distro in NUMBA_FROM_PYPI:

@@ -17,8 +17,9 @@ import rclpy
 pytestmark = pytest.mark.slow
 ROOT = Path(__file__).parents[1]
 TIMEOUT = 180.0  # s; generous: the machine may be busy, and kernels have to be compiled
-SOURCES = ('config', 'launch', 'qflsd_ros', 'resource', 'test', 'CHANGELOG.rst', 'LICENSE',
-           'package.xml', 'pyproject.toml', 'setup.cfg', 'setup.py')
+SOURCES = ('config', 'examples', 'launch', 'qflsd_ros', 'resource', 'test', 'CHANGELOG.rst',
+           'LICENSE', 'package.xml', 'pyproject.toml', 'setup.cfg', 'setup.py')
+PROFILE = 'config/fastdds.xml'
 EXECUTABLES = ('camera', 'demo', 'detect', 'detector')
 COLCON = 'import sys; from colcon_core.command import main; sys.exit(main())'
 # colcon test runs a small part of the tests here: all of them would run this one again.
@@ -148,13 +149,21 @@ def test_pip_installs_executables_and_what_ros2_run_needs(prefix: Path) -> None:
 def test_the_demo_finds_its_profile_wherever_it_is_installed(prefix: Path,
                                                              workspace: Path) -> None:
     """The share of a prefix of pip's, that of colcon, and the folder config of a checkout."""
-    program = 'from qflsd_ros.cli.demo import profiles; print(profiles())'
+    program = f'from qflsd_ros.cli.demo import shared; print(shared({PROFILE!r}))'
     file = Path('share', 'qflsd_ros', 'config', 'fastdds.xml')
     assert within(prefix, sys.executable, '-c', program).strip() == str(prefix / file)
     built = run(workspace, 'sh', '-c', f'. install/setup.sh && {sys.executable} -c "{program}"')
     assert built.strip() == str(workspace / 'install' / 'qflsd_ros' / file)
     here = run(workspace, sys.executable, '-c', program)
     assert here.strip() == str(ROOT / 'config' / 'fastdds.xml')
+
+
+def test_the_examples_are_installed(prefix: Path, workspace: Path) -> None:
+    """The demo runs the line mapper from there."""
+    examples = {path.name for path in (ROOT / 'examples').glob('*.py')}
+    for place in (prefix, workspace / 'install' / 'qflsd_ros'):
+        folder = place / 'share' / 'qflsd_ros' / 'examples'
+        assert {path.name for path in folder.glob('*.py')} == examples
 
 
 def test_the_package_here_stays_installed(prefix: Path) -> None:

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from qflsd_ros.cli.demo import free_domain
 from qflsd_ros.core import Detector, Tracker
+from qflsd_ros.records import LINE
 from qflsd_ros.ros.diagnostics import Statistics
 from qflsd_ros.ros.input.images import LAYOUTS
 from qflsd_ros.ros.input.subscriptions import calibration_topic
@@ -34,6 +35,7 @@ ROOT = Path(__file__).parents[1]
 README = (ROOT / 'README.md').read_text()
 MESSAGES = (ROOT / 'doc' / 'messages.md').read_text()
 LENS = (ROOT / 'doc' / 'lens.md').read_text()
+MAPPING = (ROOT / 'doc' / 'mapping.md').read_text()
 CAMERA = (ROOT / 'doc' / 'camera.md').read_text()
 TROUBLE = (ROOT / 'doc' / 'troubleshooting.md').read_text()
 CONTRIBUTING = (ROOT / 'CONTRIBUTING.md').read_text()
@@ -109,14 +111,16 @@ D: dict[int, float] = {1: 4.0}
 
 
 @pytest.mark.parametrize('name, dtype', [
-    ('segments', clouds.SEGMENT_POINT), ('arcs', clouds.ARC), ('planes', clouds.PLANE)])
+    ('segments', clouds.SEGMENT_POINT), ('arcs', clouds.ARC), ('planes', clouds.PLANE),
+    ('lines', LINE)])
 def test_fields_of_point_clouds(name: str, dtype: np.dtype) -> None:
     """Names, types and offsets are in the order of the message, the size is its size."""
-    table = re.search(rf'<!-- fields of {name} -->\n((\|.*\n)+)', MESSAGES)[1]
+    document = MAPPING if name == 'lines' else MESSAGES
+    table = re.search(rf'<!-- fields of {name} -->\n((\|.*\n)+)', document)[1]
     assert re.findall(r'^\| `(\w+)` \| (\w+) \| (\d+) \|', table, re.MULTILINE) == [
         (field, TYPES[kind.str[1:]], str(offset))
         for field, (kind, offset) in dtype.fields.items()]
-    assert f'**Fields of `~/{name}`** ({dtype.itemsize} bytes' in MESSAGES
+    assert f'**Fields of `~/{name}`** ({dtype.itemsize} bytes' in document
 
 
 def test_every_topic_is_listed() -> None:
@@ -174,8 +178,9 @@ def executed(document: str, scope: dict[str, Any]) -> dict[str, Any]:
 
 def test_the_snippet_on_messages_runs() -> None:
     arcs = Detector().detect(picture())
-    scope = executed(MESSAGES, {'segments_message': clouds.segments(Header(), arcs, 0.1),
-                                'arcs_message': clouds.arc_records(Header(), arcs)})
+    scope = executed(section(MESSAGES, 'Reading the messages'), {
+        'segments_message': clouds.segments(Header(), arcs, 0.1),
+        'arcs_message': clouds.arc_records(Header(), arcs)})
     assert len(scope['segments']) == len(scope['arcs']) == len(arcs)
     assert 0 < len(scope['long']) <= len(arcs)
 
@@ -190,6 +195,11 @@ def test_the_snippet_on_the_lens_runs(folder: Path) -> None:
 def test_the_snippet_on_the_library_runs(folder: Path) -> None:
     scope = executed(README, {})
     assert len(scope['straight']) == len(scope['arcs']) >= 4
+
+
+def test_the_snippet_on_the_map_runs() -> None:
+    scope = executed(MAPPING, {})
+    assert len(scope['mapped'].tracks) > 5
 
 
 def test_the_snippet_on_the_scene_runs() -> None:
@@ -316,7 +326,8 @@ def test_there_are_recipes_for_the_commonest_changes() -> None:
 
 def test_modules_of_the_design_exist() -> None:
     design = (ROOT / 'doc' / 'design.md').read_text()
-    paths = set(re.findall(r'`((?:core|ros|detection|lens|geometry)/[\w/]+\.py)`', design))
+    folders = 'core|ros|detection|lens|geometry|attitude|tracking'
+    paths = set(re.findall(rf'`((?:{folders})/[\w/]+\.py)`', design))
     assert len(paths) > 15
     for path in paths - TO_COME:
         assert any((ROOT / 'qflsd_ros' / part / path).exists() for part in ('', 'core')), path

@@ -18,9 +18,12 @@ from qflsd_ros.cli.film import Film
 from qflsd_ros.cli.gallery import Gallery
 from qflsd_ros.cli.interruption import noted
 from qflsd_ros.cli.leash import START
+from qflsd_ros.cli.map_listener import MapListener
 from qflsd_ros.cli.observer import Counts, Observer, Show
 from qflsd_ros.cli.processes import ProcessError, Processes
+from qflsd_ros.sources import Scene
 from qflsd_ros.sources.files import IMAGE_SUFFIXES
+from qflsd_ros.sources.sequence import DESCRIPTION
 import rclpy
 from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
@@ -49,6 +52,9 @@ def parse(args: list[str] | None) -> argparse.Namespace:
                         help='folder for the pictures (default: %(default)s)')
     parser.add_argument('--video', type=Path, metavar='FILE',
                         help='also write the pictures as a video; the name must end in .mp4')
+    parser.add_argument('--map', action='store_true',
+                        help='also map the lines in space, and write the map as a picture; '
+                        'for the synthetic scene, or a folder with sequence.json')
     arguments = parser.parse_args(args)
     if not 0 < arguments.seconds < math.inf:
         parser.error(f'--seconds is {arguments.seconds}: must be above 0')
@@ -57,6 +63,8 @@ def parse(args: list[str] | None) -> argparse.Namespace:
     source = arguments.input
     if source is not None and not source.isdigit() and not Path(source).exists():
         parser.exit(USAGE, f'demo: --input {source!r}: there is no such file or folder\n')
+    if arguments.map and source is not None and not (Path(source) / DESCRIPTION).is_file():
+        parser.error(f'--map needs poses: --input {source!r} must be a folder with {DESCRIPTION}')
     return arguments
 
 
@@ -81,33 +89,38 @@ def shows_stills(source: str | None) -> bool:
         return False
     path = Path(source)
     if path.is_dir():
-        return not (path / 'metadata.yaml').exists()
+        return not any((path / name).exists() for name in ('metadata.yaml', DESCRIPTION))
     return path.suffix.lower() in IMAGE_SUFFIXES
 
 
-def commands(source: str | None) -> dict[str, list[str]]:
-    """Return the command lines of camera and detector."""
+def commands(source: str | None, maps: bool) -> dict[str, list[str]]:
+    """Return the command lines of camera and detector, and of the mapper if ``maps``."""
     python = [sys.executable, '-c', START]
     camera = [*python, 'camera', '--ros-args']
     if source is not None:
         camera += ['-p', f'source:={json.dumps(source)}']  # quoted: a string, never a number
+    if maps and source is not None:
+        camera += ['-p', 'loop:=false']     # a second turn would map the same lines again
     if shows_stills(source):
         camera += ['-p', f'rate:={STILLS_RATE}']
-    return {'camera': camera, 'detector': [*python, 'detector']}
+    mapper = [*python, str(shared('examples/line_mapper.py')), '--ros-args', '-r',
+              'planes:=detector/planes']
+    return {'camera': camera, 'detector': [*python, 'detector']} | (
+        {'mapper': mapper} if maps else {})
 
 
-def profiles() -> Path:
-    """Return the path of the Fast DDS profile, in an installed package or in a checkout."""
+def shared(name: str) -> Path:
+    """Return the path of a file outside the modules, in an installed package or a checkout."""
     package = Path(__file__).parents[1]
     shares = [folder / 'share' / 'qflsd_ros' for folder in package.parents]
     return next(file for share in (package.parent, *shares)
-                if (file := share / 'config' / 'fastdds.xml').is_file())
+                if (file := share / name).is_file())
 
 
 def prepare_environment() -> None:
     """Set a ROS domain of its own, on this machine only, and shared memory for large images."""
     os.environ.update(ROS_DOMAIN_ID=str(free_domain()), ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST')
-    os.environ.setdefault('FASTRTPS_DEFAULT_PROFILES_FILE', str(profiles()))
+    os.environ.setdefault('FASTRTPS_DEFAULT_PROFILES_FILE', str(shared('config/fastdds.xml')))
 
 
 def await_result(executor: Executor, observer: Observer, processes: Processes,
@@ -149,9 +162,11 @@ def run(arguments: argparse.Namespace, check: Callable[[], None]) -> None:
         if arguments.video:
             film = stack.enter_context(Film(arguments.video))
             shows.append(lambda pixels, _: film.show(pixels))
-        processes = stack.enter_context(Processes(commands(arguments.input)))
+        processes = stack.enter_context(Processes(
+            commands(arguments.input, arguments.map)))
         rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
         observer = Observer(shows)
+        listener = MapListener(observer) if arguments.map else None
         executor = SingleThreadedExecutor()
         executor.add_node(observer)
         await_result(executor, observer, processes, check)
@@ -166,6 +181,10 @@ def run(arguments: argparse.Namespace, check: Callable[[], None]) -> None:
           f'{gallery.paths[0].name} to {gallery.paths[-1].name}')
     if arguments.video:
         print(f'video in {arguments.video}')
+    if listener:
+        truth = Scene().edges if arguments.input is None else None
+        path = listener.write(arguments.output, truth)
+        print(f'map of {len(listener.tracks)} lines in {path}')
 
 
 def main(args: list[str] | None = None) -> int:

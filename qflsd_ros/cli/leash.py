@@ -1,7 +1,12 @@
-"""A node that ends with its parent process: it runs as long as its standard input is open."""
+"""
+A node that ends with its parent process: it runs as long as its standard input is open.
+
+The node is one of this package, by its name, or a program, by its path.
+"""
 from __future__ import annotations
 
 import os
+import runpy
 import signal
 import sys
 from threading import Thread
@@ -21,6 +26,9 @@ def main() -> int:
     """Run the node that the command line names, and return its exit code."""
     end_on_signals()
     Thread(target=_end_with_input, name='leash', daemon=True).start()
+    if sys.argv[1:] and sys.argv[1].endswith('.py'):
+        runpy.run_path(sys.argv[1], run_name='__main__')
+        return 0
     return run()
 
 

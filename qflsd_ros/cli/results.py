@@ -4,6 +4,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -13,17 +14,18 @@ import numpy as np
 from qflsd_ros.cli.inputs import Picture
 from qflsd_ros.cli.settings import Options
 from qflsd_ros.cli.writing import write_whole
-from qflsd_ros.core import Arcs, DivisionModel, LensEstimate
+from qflsd_ros.core import Arcs, Attitude, DivisionModel, LensEstimate
+from qflsd_ros.ros.attitude import roll_and_pitch
 
 SUFFIXES = ('.png', '.csv', '.json')
 
 
 def write(folder: Path, room: Path, picture: Picture, drawn: np.ndarray, arcs: Arcs,
-          lens: dict[str, Any] | None, options: Options) -> None:
+          camera: dict[str, Any], options: Options) -> None:
     """
     Write overlay, CSV and JSON of a picture into a folder; each file complete or not at all.
 
-    ``drawn`` is the overlay, (H, W, 3) uint8 B, G, R.
+    ``drawn`` is the overlay, (H, W, 3) uint8 B, G, R; ``camera`` has the lens and the attitude.
 
     Raises
     ------
@@ -32,7 +34,7 @@ def write(folder: Path, room: Path, picture: Picture, drawn: np.ndarray, arcs: A
 
     """
     contents = (cv2.imencode('.png', drawn)[1].tobytes(), table(arcs).encode(),
-                description(picture, drawn.shape[:2], arcs, lens, options).encode())
+                description(picture, drawn.shape[:2], arcs, camera, options).encode())
     for suffix, content in zip(SUFFIXES, contents):
         write_whole(folder, picture.name + suffix, content, room)
 
@@ -49,8 +51,8 @@ def table(arcs: Arcs) -> str:
 
 
 def description(picture: Picture, shape: tuple[int, int], arcs: Arcs,
-                lens: dict[str, Any] | None, options: Options) -> str:
-    """Return a picture of a shape (height, width), its lens, parameters and arcs as JSON."""
+                camera: dict[str, Any], options: Options) -> str:
+    """Return a picture of a shape (height, width), its camera, parameters and arcs as JSON."""
     names = arcs.table.dtype.names or ()
     columns = [_without_nan(arcs.table[name]).tolist() for name in names]
     polylines = arcs.polylines(options.node.polyline_tolerance)
@@ -60,7 +62,7 @@ def description(picture: Picture, shape: tuple[int, int], arcs: Arcs,
         'width': shape[1],
         'height': shape[0],
         'parameters': options.values(),
-        'lens': lens,
+        **camera,
         'arcs': [dict(zip(names, row)) | {'points': points.tolist()}
                  for *row, points in zip(*columns, polylines)],
     })
@@ -86,3 +88,20 @@ def lens(model: DivisionModel | None, estimate: LensEstimate | None) -> dict[str
         return known | {'deviation': None, 'agreeing': None, 'share': None}
     return known | {'deviation': estimate.std, 'agreeing': estimate.agreeing,
                     'share': estimate.share}
+
+
+def attitude(found: Attitude | None, reason: str) -> dict[str, Any]:
+    """Return an attitude for JSON, with null for all that the image does not show, and why."""
+    up = None if found is None else found.up
+    roll, pitch = (None, None) if up is None else roll_and_pitch(up)
+    std = None if found is None or found.up_std is None else math.degrees(found.up_std)
+    return {
+        'up': None if up is None else up.tolist(),
+        'roll': roll,
+        'pitch': pitch,
+        'up_deviation': std,
+        'focal_length': None if found is None else found.focal,
+        'focal_length_deviation': None if found is None else found.focal_std,
+        'directions': [] if found is None else found.directions.tolist(),
+        'reasons': [reason] if found is None else list(found.reasons),
+    }

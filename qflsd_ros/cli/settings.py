@@ -17,10 +17,9 @@ from qflsd_ros.sources.frames import SourceError
 
 NODE = '/detector'
 # Parameters of the node without effect here: they are about topics, messages and diagnostics.
-IDLE = ('image_transport', 'max_pixels', 'marker_colour', 'metres_per_pixel', 'focal_length',
-        'attitude', 'up_hint', 'focal', 'draw_attitude', 'max_bend', 'line_features_rate',
-        'line_features_max', 'line_features_min_length', 'cameras', 'camera_index', 'max_age',
-        'hardware_id')
+IDLE = ('image_transport', 'max_pixels', 'marker_colour', 'metres_per_pixel', 'max_bend',
+        'line_features_rate', 'line_features_max', 'line_features_min_length', 'cameras',
+        'camera_index', 'max_age', 'hardware_id')
 # Parameters that rclpy declares for every node.
 OF_ROS = ('use_sim_time', 'start_type_description_service', 'qos_overrides')
 FIELDS = {field.name: field for kind in (Parameters, Settings)

@@ -9,13 +9,18 @@ from typing import Any, NamedTuple
 import cv2
 import numpy as np
 from qflsd_ros import overlay, records
+from qflsd_ros.attitude_drawing import draw_attitude
 from qflsd_ros.cli import results
 from qflsd_ros.cli.inputs import Picture
 from qflsd_ros.cli.recordings import Cloud
 from qflsd_ros.cli.settings import Options
-from qflsd_ros.core import Arcs, Detector, Tracker, with_straightness
+from qflsd_ros.core import Arcs, Attitude, Detector, Tracker, with_straightness
+from qflsd_ros.core.attitude import tracker as attitude_tracker
+from qflsd_ros.core.attitude.estimation import with_directions
+from qflsd_ros.core.attitude.view import Lens
 from qflsd_ros.core.lens import estimation
 from qflsd_ros.overlay import NO_TAILS, Tails
+from qflsd_ros.ros.attitude import CameraAttitude, of_image
 from qflsd_ros.ros.finding import find, FrameSequence, Seen
 from qflsd_ros.ros.lens import CameraLens
 from qflsd_ros.sources.frames import FrameError, SourceError
@@ -30,11 +35,13 @@ class Found(NamedTuple):
     pixels
         (H, W, 3) B, G, R or (H, W) grey, uint8.
     arcs
-        The arcs, with their column ``straight``.
+        The arcs, with their column ``straight``, and ``direction`` if the attitude is wanted.
     tails
         The last positions of the tracks of a frame.
-    lens
-        The lens as in the JSON file; None where it is unknown.
+    attitude
+        The attitude, None where it is unknown or not wanted.
+    camera
+        Lens and attitude as in the JSON file.
     seconds
         CPU time of the detection.
 
@@ -43,7 +50,8 @@ class Found(NamedTuple):
     pixels: np.ndarray
     arcs: Arcs
     tails: Tails
-    lens: dict[str, Any] | None
+    attitude: Attitude | None
+    camera: dict[str, Any]
     seconds: float
 
 
@@ -68,6 +76,13 @@ class Task(NamedTuple):
     found: Found | Outcome | None = None
 
 
+class Sequence(NamedTuple):
+    """What follows a video or bag from frame to frame."""
+
+    frames: FrameSequence
+    attitude: CameraAttitude
+
+
 class Work:
     """Detects arcs in pictures and writes their results."""
 
@@ -81,13 +96,15 @@ class Work:
         self._detector = Detector(options.detector)
         self._detector.warm_up()
         estimation.warm_up()
+        if options.node.attitude:
+            attitude_tracker.warm_up()
 
-    def sequence(self) -> FrameSequence:
+    def sequence(self) -> Sequence:
         """Return what follows a video or bag, with its kernels loaded or compiled."""
         Tracker().warm_up()
-        return FrameSequence()
+        return Sequence(FrameSequence(), CameraAttitude())
 
-    def found(self, picture: Picture, sequence: FrameSequence | None = None) -> Found | Outcome:
+    def found(self, picture: Picture, sequence: Sequence | None = None) -> Found | Outcome:
         """Return the arcs of the next frame of a sequence, or of an image file, or the error."""
         try:
             return self._find(picture, sequence)
@@ -97,19 +114,33 @@ class Work:
             number = '' if picture.frame is None else f' image {picture.frame}:'
             return Outcome(error=f'{str(picture.path)!r}:{number} {error}')
 
-    def _find(self, picture: Picture, sequence: FrameSequence | None) -> Found:
+    def _find(self, picture: Picture, sequence: Sequence | None) -> Found:
         settings = self._options.node
         pixels = picture.read(settings.white_level or None)
         gray = pixels if pixels.ndim == 2 else cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY)
         begin = time.process_time()
-        camera = sequence.lens if sequence else CameraLens()
+        camera = sequence.frames.lens if sequence else CameraLens()
         if sequence:
-            seen = sequence.find(gray, self._options.detector, settings)
+            seen = sequence.frames.find(gray, self._options.detector, settings)
         else:
             seen = Seen(*find(gray, self._detector.detect, settings, camera), NO_TAILS)
         seconds = time.process_time() - begin
-        lens = results.lens(seen.model, camera.estimate(settings))
-        return Found(pixels, with_straightness(seen.arcs, seen.model), seen.tails, lens, seconds)
+        estimate, arcs = camera.estimate(settings), with_straightness(seen.arcs, seen.model)
+        terms: dict[str, Any] = {'lens': results.lens(seen.model, estimate), 'attitude': None}
+        if not settings.attitude:
+            return Found(pixels, arcs, seen.tails, None, terms, seconds)
+        attitude, reason = self._attitude(seen.arcs, gray.shape, estimate or seen.model, sequence)
+        terms['attitude'] = results.attitude(attitude, reason)
+        return Found(pixels, with_directions(arcs, attitude), seen.tails, attitude, terms, seconds)
+
+    def _attitude(self, arcs: Arcs, shape: tuple[int, int], lens: Lens,
+                  sequence: Sequence | None) -> tuple[Attitude | None, str]:
+        """Return the attitude of the next frame of a sequence, or of an image file, or why not."""
+        settings = self._options.node
+        if sequence is None:
+            return of_image(arcs, shape, settings, lens)
+        follower = sequence.attitude
+        return follower.follow(arcs, shape, settings, lens, None), follower.reason
 
     def __call__(self, task: Task) -> Outcome:
         """Write the results of a picture; detect its arcs first where that is not done yet."""
@@ -120,7 +151,9 @@ class Work:
                 return found
             drawn = overlay.draw(found.pixels, found.arcs, self._options.node.line_width,
                                  found.tails)
-            results.write(self._folder, self._room, picture, drawn, found.arcs, found.lens,
+            if found.attitude is not None and self._options.node.draw_attitude:
+                draw_attitude(drawn, found.attitude, self._options.node.line_width)
+            results.write(self._folder, self._room, picture, drawn, found.arcs, found.camera,
                           self._options)
         except OSError as error:
             return Outcome(error=f'results of {picture.name!r} cannot be written: {error}')

@@ -12,9 +12,9 @@ Coordinates are px; (0, 0) is the centre of the top-left pixel, x points right, 
 1
 """
 from qflsd_ros.core.arcs import Arcs
+from qflsd_ros.core.attitude.estimation import Attitude, estimate_attitude
+from qflsd_ros.core.attitude.tracker import AttitudeTracker
 from qflsd_ros.core.detector import Detector
-from qflsd_ros.core.geometry.attitude import Attitude, estimate_attitude
-from qflsd_ros.core.geometry.attitude_tracker import AttitudeTracker
 from qflsd_ros.core.lens.division import DivisionModel, rectified
 from qflsd_ros.core.lens.estimation import estimate_distortion, LensEstimate, with_straightness
 from qflsd_ros.core.parameters import Parameters

@@ -1,5 +1,5 @@
 """
-The live attitude of the camera, and its focal length; imports no ROS.
+The attitude of single images and of a live camera, and its focal length; imports no ROS.
 
 Nothing is computed while the parameter ``attitude`` is off.
 """
@@ -7,8 +7,11 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 from qflsd_ros.core import Arcs, Attitude, AttitudeTracker
-from qflsd_ros.core.geometry.view import Lens
+from qflsd_ros.core.attitude.estimation import attitude_of
+from qflsd_ros.core.attitude.solution import Unobservable
+from qflsd_ros.core.attitude.view import Lens
 from qflsd_ros.core.lens.camera_model import CameraModel
 from qflsd_ros.ros.parameters.node_parameters import Settings, UP_HINTS
 from qflsd_ros.sources.frames import FrameError
@@ -72,8 +75,7 @@ class CameraAttitude:
             return None
         self._restart(settings.up_hint)
         tracker = self._own
-        focal = settings.focal_length if settings.focal == 'fixed' else None
-        tracker.add(arcs, shape, lens, focal)
+        tracker.add(arcs, shape, lens, given_focal(settings))
         if calibration is not None:
             tracker = self._calibrated
             tracker.add(arcs, shape, calibration)
@@ -92,9 +94,8 @@ class CameraAttitude:
         attitude, focal = self.attitude, self.focal
         values = {'attitude': self.reason if attitude is None else 'known'}
         if attitude is not None and attitude.up is not None and attitude.up_std is not None:
-            x, y, z = attitude.up.tolist()
-            values |= {'roll (degrees)': f'{math.degrees(math.atan2(-x, -y)):.2f}',
-                       'pitch (degrees)': f'{math.degrees(math.asin(z)):.2f}',
+            roll, pitch = roll_and_pitch(attitude.up)
+            values |= {'roll (degrees)': f'{roll:.2f}', 'pitch (degrees)': f'{pitch:.2f}',
                        'up deviation (degrees)': f'{math.degrees(attitude.up_std):.2f}'}
         if attitude is not None and attitude.reasons:
             values['attitude not observable'] = '; '.join(attitude.reasons)
@@ -102,6 +103,33 @@ class CameraAttitude:
             values |= {'focal length (px)': f'{focal[0]:.1f}',
                        'focal length deviation (px)': f'{focal[1]:.1f}'}
         return values
+
+
+def of_image(arcs: Arcs, shape: tuple[int, int], settings: Settings, lens: Lens
+             ) -> tuple[Attitude | None, str]:
+    """Return the attitude of a single image, or None and the reason why."""
+    if not settings.attitude:
+        return None, OFF
+    try:
+        return attitude_of(arcs, shape, lens, given_focal(settings),
+                           UP_HINTS[settings.up_hint]), ''
+    except Unobservable as error:
+        return None, str(error)
+
+
+def given_focal(settings: Settings) -> float | None:
+    """Return the focal length that the parameters give, px; None if they give none."""
+    return settings.focal_length if settings.focal == 'fixed' else None
+
+
+def roll_and_pitch(up: np.ndarray) -> tuple[float, float]:
+    """
+    Return the angles of a camera against an upright one, degrees.
+
+    The camera is rolled to its right, and looks up by the pitch.
+    """
+    x, y, z = up.tolist()
+    return math.degrees(math.atan2(-x, -y)), math.degrees(math.asin(min(max(z, -1.0), 1.0)))
 
 
 def required(attitude: Attitude | None, reason: str) -> Attitude:

@@ -5,9 +5,8 @@ import math
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from qflsd_ros.core import Arcs, DivisionModel
-from qflsd_ros.core.lens import remaining_bend
 from qflsd_ros.core.lens.camera_model import CameraModel
-from qflsd_ros.core.lens.remaining_bend import Bend
+from qflsd_ros.core.lens.remaining_bend import Bend, BendTracker
 from qflsd_ros.ros.input.subscriptions import CalibrationSubscription
 from qflsd_ros.ros.output.camera_info import CalibrationError, camera_model
 from qflsd_ros.ros.parameters.node_parameters import Settings
@@ -43,7 +42,7 @@ class CalibrationWatch:
     def __init__(self) -> None:
         self.camera: CameraModel | None = None
         self._error = ''
-        self._watch = remaining_bend.CalibrationWatch()
+        self._bends = BendTracker()
 
     def follow(self, arcs: Arcs, shape: tuple[int, int], model: DivisionModel | None,
                camera: CameraModel | CalibrationError | None) -> None:
@@ -51,7 +50,7 @@ class CalibrationWatch:
         self._error = str(camera) if isinstance(camera, CalibrationError) else ''
         self.camera = camera if isinstance(camera, CameraModel) else None
         if self.camera is not None:
-            self._watch.add(arcs, shape, model, self.camera)
+            self._bends.add(arcs, shape, model, self.camera)
 
     def verdict(self, settings: Settings, focal: tuple[float, float] | None) -> Verdict:
         """
@@ -59,7 +58,7 @@ class CalibrationWatch:
 
         ``focal`` is the focal length by the arcs and its deviation, px, None while it is unknown.
         """
-        camera, bend = self.camera, self._watch.bend
+        camera, bend = self.camera, self._bends.bend
         if self._error:
             return DiagnosticStatus.WARN, self._error, {}
         if camera is None:

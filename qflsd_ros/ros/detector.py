@@ -13,7 +13,7 @@ import traceback
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from qflsd_ros.core import Attitude, Parameters, Tracker
-from qflsd_ros.core.geometry import solution
+from qflsd_ros.core.attitude import tracker as attitude_tracker
 from qflsd_ros.core.lens import estimation
 from qflsd_ros.core.line_features.feed import Feed
 from qflsd_ros.ros.attitude import CameraAttitude
@@ -196,7 +196,7 @@ class DetectorNode(Node):
         Tracker().warm_up()
         estimation.warm_up()
         if self._active[1].attitude:
-            solution.warm_up()
+            attitude_tracker.warm_up()
 
     def _calibration_status(self, settings: Settings) -> list[DiagnosticStatus]:
         """Return the status of the calibration, in a list: none while nobody watches it."""

@@ -23,10 +23,9 @@ def test_one_command_writes_the_report(tmp_path: Path, monkeypatch: pytest.Monke
     text = (output / 'RESULTS.md').read_text()
     for title in ('Conditions', 'Table 1', 'Table 2', 'Figures 3 and 4', 'Accuracy',
                   'What each step brings', 'Degraded copies', 'Robustness', 'Exactness',
-                  'False alarms', 'The lens', 'Repeatability', 'Tracks', 'Line features',
-                  'Sameness',
-                  'Speed', 'Growth', 'Cost of each stage', 'The node', 'Overhead of the node',
-                  'Memory'):
+                  'False alarms', 'The lens', 'Attitude', 'Repeatability', 'Tracks',
+                  'Line features', 'Sameness', 'Speed', 'Growth', 'Cost of each stage', 'The node',
+                  'Overhead of the node', 'Memory'):
         assert f'\n## {title}' in text
     assert f'| {peers.TITLES[peers.OURS]} | 0.' in quote.summary(text)
     pictures = re.findall(r'!\[.*\]\((.*)\)', text)

@@ -146,6 +146,23 @@ def make_bag(path: Path, count: int) -> None:
             writer.write(connection, time_ns, store.serialize_cdr(message, image.__msgtype__))
 
 
+def test_it_maps_the_room(tmp_path: Path) -> None:
+    """The map is drawn beside the true edges: two views of both, in colour where lines are."""
+    code, stdout, stderr = run('--map', '--seconds', 6, '--output', tmp_path)
+    assert code == 0, stdout + stderr
+    found = re.search(rf'^map of (\d+) lines in {tmp_path}/map.png$', stdout, re.MULTILINE)
+    assert found and int(found[1]) > 20
+    picture = cv2.imread(str(tmp_path / 'map.png')).astype(int)
+    coloured = np.ptp(picture, axis=2) > 60
+    half = picture.shape[1] // 2
+    assert not coloured[:, :half].any() and coloured[:, half:].sum() > 500
+
+
+def test_a_map_needs_poses(tmp_path: Path) -> None:
+    code, _, stderr = run('--map', '--input', tmp_path)
+    assert code == 2 and 'must be a folder with sequence.json' in stderr
+
+
 def test_a_recording_is_played_with_its_stamps(tmp_path: Path) -> None:
     """Stamps of long ago say nothing of latency, and the lines do not pretend that they do."""
     make_bag(tmp_path / 'bag', 40)

@@ -107,7 +107,8 @@ def test_what_counts_here_and_what_is_named(tmp_path: Path) -> None:
               'max_width': 70, 'tracking': False, 'trails': 5,
               'polyline_tolerance': 0.5, 'line_width': 2, 'lens': 'off',
               'lens_lambda': -0.2, 'lens_centre_x': 5.0, 'lens_centre_y': 6.0,
-              'lens_find_centre': True}
+              'lens_find_centre': True, 'focal_length': 450.0, 'attitude': True, 'up_hint': '+y',
+              'focal': 'fixed', 'draw_attitude': False}
     idle = {'max_age': 0.0, 'hardware_id': 'left', 'use_sim_time': True,
             'qos_overrides': {'/image': {'subscription': {'reliability': 'reliable'}}}}
     params = {'/**': {'ros__parameters': counts | idle | {'marker_colour': 'track'}}}

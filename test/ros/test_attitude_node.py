@@ -48,7 +48,8 @@ def test_attitude_and_focal_length(peer: Peer) -> None:
     assert all(np.count_nonzero(labels == axis) > 10 for axis in range(3))
     assert 'focal length deviation (px)' in values(rig.report('focal length (px)'))
     rig.show(image(BLACK), 'no attitude: ')
-    assert rig.change(attitude=False, focal='estimate')[0].successful is False
+    refused = rig.change(attitude=False)[0]
+    assert not refused.successful and 'both by set_parameters_atomically' in refused.reason
     assert all(result.successful for result in rig.change(focal='off', attitude=False))
     rig.show(picture, 'no attitude: parameter attitude is false')
 

@@ -1,1 +1,1 @@
-"""Geometry in space from arcs: planes of edges, vanishing directions, attitude."""
+"""Lines in space from arcs: planes of edges, triangulation, a map, stereo."""

@@ -31,12 +31,16 @@ class Planes(NamedTuple):
     covariances
         (N, 3, 3) float64 of the normals, from offset_std and curvature_std of the arcs; of rank 2
         at most, as a normal does not change its length.
+    ends
+        (N, 2, 3) float64 unit vectors, the rays of start and end of each arc, in the optical
+        frame.
 
     """
 
     arcs: np.ndarray
     normals: np.ndarray
     covariances: np.ndarray
+    ends: np.ndarray
 
 
 def planes(arcs: Arcs, camera: CameraModel) -> Planes:
@@ -55,7 +59,7 @@ def planes(arcs: Arcs, camera: CameraModel) -> Planes:
     inverse = np.einsum('nik,nk,njk->nij', axes[:, :, 1:], 1 / values[:, 1:], axes[:, :, 1:])
     depth = np.einsum('nki,ni->nk', change, normals)
     slope = np.einsum('nij,nkj,nk,nkm->nim', inverse, rays, depth, _shapes(arcs.table[known]))
-    return Planes(known, normals, np.einsum('nim,njm->nij', slope, slope))
+    return Planes(known, normals, np.einsum('nim,njm->nij', slope, slope), rays[:, [0, -1]])
 
 
 def _samples(arcs: Arcs) -> tuple[np.ndarray, np.ndarray]:

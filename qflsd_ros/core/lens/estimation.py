@@ -221,9 +221,25 @@ def straightness(arcs: Arcs, lens: DivisionModel) -> np.ndarray:
         (M,) float64, near 0 for circles; nan for arcs with too few edge points for a curvature.
 
     """
+    return excess_bend(arcs, lens)[1]
+
+
+def excess_bend(arcs: Arcs, lens: DivisionModel) -> tuple[np.ndarray, np.ndarray]:
+    """
+    Compare arcs with the images of straight edges through a lens.
+
+    Returns
+    -------
+    curvature
+        (M,) float64, by how much arcs bend more, 1/px; nan for arcs with too few edge points.
+    probability
+        (M,) float64, as :func:`straightness`.
+
+    """
     seen = observe(arcs, lens.shape)
     shift = (lens.origin - DivisionModel(0.0, lens.shape).origin) / lens.half_diagonal
-    return _compared(seen, np.array([lens.lam, *shift]), np.zeros((2, 2)))[:, 4]
+    found = _compared(seen, np.array([lens.lam, *shift]), np.zeros((2, 2)))
+    return found[:, 0] / lens.half_diagonal, found[:, 4]
 
 
 def with_straightness(arcs: Arcs, lens: DivisionModel | None) -> Arcs:

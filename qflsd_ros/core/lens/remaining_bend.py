@@ -3,7 +3,8 @@ The bend that arcs of straight edges keep after undistortion by a calibration.
 
 The calibrated camera says how the image of the straight edge through the ends of an arc bends.
 The difference to the curvature of the edge points is the remaining bend, given as the sagitta of
-the arc: its greatest distance from that image, px.
+the arc: its greatest distance from that image, px.  Squares of it are averaged over the length of
+edges, since a wrong calibration bends long arcs most, and over the inverse of their variance.
 """
 from __future__ import annotations
 
@@ -13,10 +14,9 @@ from typing import NamedTuple
 import numpy as np
 
 from qflsd_ros.core.arcs import Arcs
-from qflsd_ros.core.averaging import Average
 from qflsd_ros.core.lens.camera_model import CameraModel
 from qflsd_ros.core.lens.division import DivisionModel
-from qflsd_ros.core.lens.estimation import straightness
+from qflsd_ros.core.lens.estimation import excess_bend
 from qflsd_ros.core.lens.observation import CURVATURE, NORMAL, observe, VARIANCE
 
 # Length from which on an arc counts, half diagonals: the same error of a lens bends a shorter one
@@ -37,14 +37,14 @@ EVERY, MEMORY = 5, 20
 
 class Bend(NamedTuple):
     """
-    What a calibration leaves of the bend.
+    The bend that a calibration leaves.
 
     Attributes
     ----------
     rms
         Root mean square sagitta of the arcs beyond their own errors, px.
     std
-        Its standard deviation, px.
+        Its standard deviation by the errors of the arcs, px.
     share
         Share of the long arcs that are taken for images of straight edges.
 
@@ -53,6 +53,20 @@ class Bend(NamedTuple):
     rms: float
     std: float
     share: float
+
+
+class _Squares(NamedTuple):
+    """Mean square sagitta, px^2, the variance of that mean, its weight, and the share of arcs."""
+
+    mean: float
+    variance: float
+    weight: float
+    share: float
+
+    def bend(self) -> Bend:
+        """Return the root."""
+        rms, least = math.sqrt(max(self.mean, 0.0)), self.variance ** 0.25
+        return Bend(rms, math.sqrt(self.variance) / (2 * max(rms, least)), self.share)
 
 
 def remaining_bend(arcs: Arcs, shape: tuple[int, int], lens: DivisionModel | None,
@@ -65,31 +79,46 @@ def remaining_bend(arcs: Arcs, shape: tuple[int, int], lens: DivisionModel | Non
     arcs, shape
         The arcs of the image, and its (height, width).
     lens
-        The lens as the arcs show it, which tells images of straight edges; None if it is unknown,
-        then all long arcs count that are not outliers.
+        The lens as the arcs show it.  An arc that neither this lens nor the calibration makes
+        straight is no image of a straight edge.  None if it is unknown: the calibration decides
+        alone, and its own errors hide arcs that it bends more than most.
     camera
         The calibration.
 
     """
-    unit = math.hypot(*shape) / 2
-    long = np.flatnonzero(arcs.table['length'] > LONG * unit)
+    found = _squares(arcs, shape, lens, camera)
+    return found and found.bend()
+
+
+def _squares(arcs: Arcs, shape: tuple[int, int], lens: DivisionModel | None, camera: CameraModel
+             ) -> _Squares | None:
+    """Return the mean square of the remaining bend; arguments are those above."""
+    length = arcs.table['length']
+    long = np.flatnonzero(length > LONG * math.hypot(*shape) / 2)
     count = len(long)
-    if lens is not None:
-        long = long[straightness(arcs, lens)[long] > STRAIGHT]
-    long = long[np.argsort(-arcs.table['length'][long], kind='stable')][:USED]
-    bend, variance = _bends(arcs, long, shape, camera)
-    known = np.isfinite(bend + variance)
+    long = long[np.argsort(-length[long], kind='stable')]
+    if lens is None:
+        chosen = long[:USED]
+        bend, variance = _bends(arcs, chosen, shape, camera)
+        least = np.abs(bend)
+    else:
+        curvature, straight = excess_bend(arcs, lens)
+        chosen = long[straight[long] > STRAIGHT][:USED]
+        bend, variance = _bends(arcs, chosen, shape, camera)
+        least = np.minimum(np.abs(bend), np.abs(curvature[chosen]) * length[chosen] ** 2 / 8)
     # A part of the image that the calibration does not describe cannot be undistorted by it.
-    bend, variance = bend[known], variance[known]
-    if len(bend) < LEAST:
+    known = np.isfinite(bend + variance)
+    if np.count_nonzero(known) < LEAST:
         return None
-    near = np.abs(bend) < OUTLIER * TO_DEVIATION * np.median(np.abs(bend))
+    off = least / np.sqrt(variance)
+    near = known & (off < OUTLIER * TO_DEVIATION * np.median(off[known]))
     bend, variance = bend[near], variance[near]
-    excess = bend ** 2 - variance
-    square = max(float(excess.mean()), 0.0)
-    # The scatter of squares; noise alone has sqrt(2) of its variance.
-    error = math.sqrt(excess.var() / len(excess)) / (2 * math.sqrt(max(square, variance.mean())))
-    return Bend(math.sqrt(square), error, len(bend) / count)
+    weight = length[chosen[near]] / variance
+    total, square = weight.sum(), bend ** 2
+    # Of the square of a normally distributed bend.
+    noise = 2 * variance ** 2 + 4 * square * variance
+    return _Squares(float(weight @ (square - variance) / total),
+                    float(weight ** 2 @ noise / total ** 2), float(total), len(bend) / count)
 
 
 def _bends(arcs: Arcs, chosen: np.ndarray, shape: tuple[int, int], camera: CameraModel
@@ -120,38 +149,59 @@ def _sagitta(start: np.ndarray, end: np.ndarray, across: np.ndarray, near: np.nd
         return near - here * STEP / (beside - here)
 
 
-class CalibrationWatch:
+class BendTracker:
     """
-    Watches over successive frames how straight a calibration makes the arcs of straight edges.
+    Follows the remaining bend over successive frames.
 
     Attributes
     ----------
     bend
-        The remaining bend over the last seconds; None until a frame has enough long arcs.
+        That of the last seconds; None until a frame has enough long arcs.
 
     """
 
     def __init__(self) -> None:
-        self.bend: Bend | None = None
         self._camera: CameraModel | None = None
+        self._forget()
+
+    def _forget(self) -> None:
+        """Begin anew."""
+        self.bend: Bend | None = None
         self._frames = 0
-        self._mean = Average(1, MEMORY)
+        self._mean: _Squares | None = None
 
     def add(self, arcs: Arcs, shape: tuple[int, int], lens: DivisionModel | None,
             camera: CameraModel) -> None:
-        """Take the next frame; arguments are those of :func:`remaining_bend`."""
+        """
+        Take the next frame; all begins anew with another calibration.
+
+        Arguments are those of :func:`remaining_bend`.
+        """
         if self._camera is None or not _same(camera, self._camera):
-            self.__init__()     # type: ignore[misc]
             self._camera = camera
+            self._forget()
         self._frames += 1
         if self._frames % EVERY != 1:
             return
-        found = remaining_bend(arcs, shape, lens, camera)
-        if found is None:
-            return
-        self._mean.add(np.array([found.rms]), np.array([found.std]))
-        self.bend = Bend(float(self._mean.mean[0]), float(self._mean.deviations()[0]),
-                         found.share)
+        found = _squares(arcs, shape, lens, camera)
+        if found is not None:
+            self._mean = _averaged(self._mean, found)
+            self.bend = self._mean.bend()
+
+
+def _averaged(before: _Squares | None, now: _Squares) -> _Squares:
+    """
+    Return the mean of successive frames with an exponential memory.
+
+    The variance is that of a single frame, because neighbouring frames show the same edges.
+    """
+    if before is None:
+        return now
+    weight = (1 - 1 / MEMORY) * before.weight + now.weight
+    share = now.weight / weight
+    return _Squares(before.mean + share * (now.mean - before.mean),
+                    before.variance + share * (now.variance - before.variance),
+                    weight, now.share)
 
 
 def _same(camera: CameraModel, other: CameraModel) -> bool:

@@ -46,6 +46,7 @@ def lengthen(rows: np.ndarray, track: int, arcs: np.ndarray, i: int, forwards: b
     -------
     CHANGED; SAME if the arc does not extend the track by LONGER; APART if both are not on one
     curve, or their union turns by half a turn.
+
     """
     old, new = curve.curve(rows, track), curve.curve(arcs, i)
     by_new = new[4] > old[4]

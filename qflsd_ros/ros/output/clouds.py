@@ -12,7 +12,7 @@ import numpy as np
 from qflsd_ros import attitude_drawing as drawing
 from qflsd_ros import overlay
 from qflsd_ros.core.arcs import Arcs
-from qflsd_ros.core.geometry.attitude import Attitude
+from qflsd_ros.core.attitude.estimation import Attitude
 from qflsd_ros.core.geometry.planes import Planes
 from qflsd_ros.core.lens.division import DivisionModel
 from qflsd_ros.records import (

@@ -13,7 +13,7 @@ from typing import Any, Callable, NamedTuple
 from geometry_msgs.msg import Vector3Stamped
 import numpy as np
 from qflsd_ros.core import Arcs, Attitude
-from qflsd_ros.core.geometry.attitude import with_directions
+from qflsd_ros.core.attitude.estimation import with_directions
 from qflsd_ros.core.geometry.planes import Planes, planes
 from qflsd_ros.core.lens.camera_model import CameraModel
 from qflsd_ros.core.lens.division import DivisionModel

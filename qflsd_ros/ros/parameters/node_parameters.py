@@ -10,9 +10,10 @@ from qflsd_ros.sources.encoded import MAX_PIXELS
 LENSES = ('off', 'estimate', 'fixed')
 MOST_TRAILS = 300       # images, ten seconds at 30 Hz; chosen, not tuned
 MOST_CAMERAS = 16       # leaves 65535 different lines below 2^24, before numbers repeat
-# Directions of the optical frame (x right, y down, z forward) by name.
-UP_HINTS = {'-y': (0.0, -1.0, 0.0), 'y': (0.0, 1.0, 0.0), '-x': (-1.0, 0.0, 0.0),
-            'x': (1.0, 0.0, 0.0), '-z': (0.0, 0.0, -1.0), 'z': (0.0, 0.0, 1.0)}
+# Directions of the optical frame (x right, y down, z forward) by name.  All have a sign, because a
+# lone y is a boolean in YAML.
+UP_HINTS = {'-y': (0.0, -1.0, 0.0), '+y': (0.0, 1.0, 0.0), '-x': (-1.0, 0.0, 0.0),
+            '+x': (1.0, 0.0, 0.0), '-z': (0.0, 0.0, -1.0), '+z': (0.0, 0.0, 1.0)}
 
 
 @dataclass(frozen=True)
@@ -103,7 +104,8 @@ class Settings:
         'images is used where there is one.')
     up_hint: str = parameter(
         '-y', 'About where up is in the optical frame (x right, y down, z forward) at first: -y, '
-        'y, -x, x, -z or z; up is the axis of the place closest to it.', choices=tuple(UP_HINTS))
+        '+y, -x, +x, -z or +z; up is the axis of the place closest to it.',
+        choices=tuple(UP_HINTS))
     focal: str = parameter(
         'off', 'Focal length on ~/camera_info: off (focal_length, or a plausible one), estimate '
         '(the true one by attitude, K is 0 until it is known) or fixed (focal_length is the true '
@@ -149,7 +151,8 @@ def check_together(parameters: Parameters, settings: Settings) -> None:
     """Raise ValueError if parameters of the detector and the node contradict each other."""
     if settings.focal == 'estimate' and not settings.attitude:
         raise ValueError("focal is 'estimate' and attitude is false: attitude must be true to "
-                         'estimate the focal length')
+                         'estimate the focal length (in a running node, change attitude first to '
+                         'begin, focal first to end, or both by set_parameters_atomically)')
     if settings.focal == 'fixed' and not settings.focal_length:
         raise ValueError("focal is 'fixed' and focal_length is 0: focal_length must be the focal "
                          'length in px')

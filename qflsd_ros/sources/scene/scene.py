@@ -96,7 +96,7 @@ class Scene:
 
     @property
     def edges(self) -> np.ndarray:
-        """Starts and ends of all edges in the room: (N, 2, 3) float64, m."""
+        """Return starts and ends of all edges of the room, hidden ones too: (N, 2, 3) m."""
         return self._edge_ends.copy()
 
     def pose(self, number: int) -> np.ndarray:

@@ -58,6 +58,15 @@ def test_a_lens_without_distortion():
     assert found.normals == pytest.approx(wanted, abs=1e-9)
 
 
+def test_rays_of_the_ends():
+    lines = edges(20)
+    pixels = lines[..., :2] / lines[..., 2:] * 400 + MATRIX[:2, 2]
+    pixels[:, 1] = (pixels[:, 0] + pixels[:, 2]) / 2
+    rays = planes(through(pixels), STRAIGHT).ends
+    wanted = lines[:, [0, 2]] / np.linalg.norm(lines[:, [0, 2]], axis=2, keepdims=True)
+    assert rays == pytest.approx(wanted, abs=1e-9)
+
+
 def test_arcs_of_a_fisheye_lie_in_the_planes_of_their_edges():
     lines = edges(50)
     wanted = np.cross(lines[:, 0], lines[:, 2])

@@ -165,7 +165,7 @@ def test_plane_records_hold_normal_covariance_and_arc() -> None:
     random = np.random.default_rng(0)
     matrices = random.normal(size=(4, 3, 3))
     planes = Planes(np.array([0, 2, 3, 7]), random.normal(size=(4, 3)),
-                    matrices + matrices.transpose(0, 2, 1))
+                    matrices + matrices.transpose(0, 2, 1), random.normal(size=(4, 2, 3)))
     found = clouds.records(clouds.plane_records(HEADER, planes, tracked(circle_arcs(8))))
     assert found['track'].tolist() == [1, 7, 10, 22]
     assert found['segment'].tolist() == [0, 2, 3, 7]
@@ -174,6 +174,21 @@ def test_plane_records_hold_normal_covariance_and_arc() -> None:
         for j, other in list(enumerate('xyz'))[i:]:
             assert found[f'covariance_{one}{other}'] == pytest.approx(
                 planes.covariances[:, i, j], rel=1e-6)
+        for number, end in enumerate(('start', 'end')):
+            assert found[f'{end}_{one}'] == pytest.approx(planes.ends[:, number, i], rel=1e-6)
+
+
+def test_planes_are_read_as_they_were_written() -> None:
+    random = np.random.default_rng(0)
+    matrices = random.normal(size=(4, 3, 3))
+    planes = Planes(np.array([0, 2, 3, 7]), random.normal(size=(4, 3)),
+                    matrices + matrices.transpose(0, 2, 1), random.normal(size=(4, 2, 3)))
+    arcs = tracked(circle_arcs(8))
+    tracks, found = records.planes_of(clouds.records(clouds.plane_records(HEADER, planes, arcs)))
+    assert tracks.tolist() == [1, 7, 10, 22]
+    assert found.arcs.tolist() == planes.arcs.tolist()
+    for one, other in zip(found[1:], planes[1:]):
+        assert one == pytest.approx(other, rel=1e-6)
 
 
 def test_overlay_is_the_frame_with_its_arcs() -> None:

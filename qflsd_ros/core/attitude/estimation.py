@@ -24,12 +24,12 @@ from typing import Callable
 import numpy as np
 
 from qflsd_ros.core.arcs import Arcs
-from qflsd_ros.core.geometry.great_circles import KNOT, lines, PRECISION, SHARPNESS
-from qflsd_ros.core.geometry.refinement import Fit, LAMBDA, LOG_FOCAL, MU
-from qflsd_ros.core.geometry.solution import (
+from qflsd_ros.core.attitude.great_circles import KNOT, lines, PRECISION, SHARPNESS
+from qflsd_ros.core.attitude.refinement import Fit, LAMBDA, LOG_FOCAL, MU
+from qflsd_ros.core.attitude.solution import (
     axes_of, camera_of, CLOSE, curved, EXACT, search, Solution, supported, Unobservable)
-from qflsd_ros.core.geometry.vanishing import horizontal, shares
-from qflsd_ros.core.geometry.view import Lens, View, view_of
+from qflsd_ros.core.attitude.vanishing import horizontal, shares
+from qflsd_ros.core.attitude.view import Lens, View, view_of
 from qflsd_ros.core.lens.camera_model import CameraModel
 from qflsd_ros.core.lens.division import DivisionModel
 
@@ -43,6 +43,10 @@ LEAST_ARCS = 12
 RIVAL = 0.1
 # Greatest deviation of an observable ln f, and of up (radians).
 MAX_FOCAL_STD, MAX_UP_STD = 0.07, math.radians(3.0)
+# Rivals widen the deviation of up: one that is worse by CLOSE for each arc counts exp(-DOUBT) as
+# much as the best, since neighbouring arcs share errors.  On York Urban normalised errors change
+# by less than .05 between 3 and 10.  Axes farther apart than NEAR_UP are different ones.
+DOUBT, NEAR_UP = 3.0, math.radians(15.0)
 # Errors that arcs share and more of them do not average: places are not quite orthogonal, lenses
 # not quite division models.  They grow with the square of the scatter of arcs, that of annotated
 # photographs being about .7: of ln f and of up (radians), and of both times lambda over
@@ -160,17 +164,22 @@ def estimate_attitude(arcs: Arcs, shape: tuple[int, int],
         images of another size, or the hint has no direction.
 
     """
-    hint = direction(up_hint)
     try:
-        view = view_of(arcs, shape, lens, focal)
-        solution = search(used(view), view.prior())
-        found = describe(solution, view, lambda axes: arranged(axes, hint))
+        found = attitude_of(arcs, shape, lens, focal, up_hint)
     except Unobservable as error:
         _abstain(str(error))
         return None
     for reason in found.reasons:
         _abstain(reason)
     return found
+
+
+def attitude_of(arcs: Arcs, shape: tuple[int, int], lens: Lens, focal: float | None,
+                up_hint: tuple[float, float, float]) -> Attitude:
+    """Return the same as :func:`estimate_attitude`; Unobservable with the reason for None."""
+    hint = direction(up_hint)
+    view = view_of(arcs, shape, lens, focal)
+    return describe(search(used(view), view.prior()), view, lambda axes: arranged(axes, hint))
 
 
 def with_directions(arcs: Arcs, attitude: Attitude | None) -> Arcs:
@@ -205,19 +214,46 @@ def used(view: View) -> np.ndarray:
     return view.observed.seen[:USED]
 
 
-def describe(solution: Solution, view: View,
-             arrange: Callable[[np.ndarray], np.ndarray]) -> Attitude:
+def most_likely(probabilities: np.ndarray) -> np.ndarray:
+    """
+    Return the direction of each arc if that is more likely than not, or -1: (M,) int64.
+
+    ``probabilities`` are those that an arc points in each of the directions, (M, K).
+    """
+    best = np.argmax(probabilities, axis=1)
+    return np.where(probabilities[np.arange(len(best)), best] > 0.5, best, -1)
+
+
+def describe(solution: Solution, view: View, arrange: Callable[[np.ndarray], np.ndarray],
+             further: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray] = horizontal,
+             label: Callable[[np.ndarray], np.ndarray] = most_likely) -> Attitude:
     """
     Return the attitude of the best fit, without what is not observable.
 
-    ``arrange`` orders axes, rows of (3, 3), and chooses their signs.  Unobservable if neither
-    focal length nor up are observable.
+    Parameters
+    ----------
+    solution
+        Its first fit is the best one.
+    view
+        The arcs and what is known of the camera.
+    arrange
+        Orders axes, rows of (3, 3), and chooses their signs.
+    further
+        Returns more directions, as :func:`horizontal`.
+    label
+        Returns labels from probabilities, as :func:`most_likely`.
+
+    Raises
+    ------
+    Unobservable
+        Neither focal length nor up are observable.
+
     """
     fit = supported(solution)
     state, scatter = fit.state, solution.scale ** 2
     axes = arrange(axes_of(state))
-    focal, focal_std, why_not = _focal(solution, fit, view)
-    up_std, why_not_up = _up_std(axes[0], fit, scatter)
+    focal, focal_std, why_not = focal_of(solution, fit, view)
+    up_std, why_not_up = _up_std(axes[0], fit, solution)
     reasons = tuple(reason for reason in (why_not, why_not_up) if reason)
     if focal is None and up_std is None:
         raise Unobservable(', and '.join(reasons))
@@ -225,11 +261,12 @@ def describe(solution: Solution, view: View,
     rows = lines(view.observed.seen, state[LAMBDA], state[MU])
     rows[SHARPNESS] /= solution.scale
     rows[PRECISION] /= scatter
-    directions = np.concatenate([axes, horizontal(rows, axes, camera)])
-    labels = np.full(view.arcs, -1)
-    labels[view.observed.arcs] = _labels(rows, directions @ camera.T)
+    directions = np.concatenate([axes, further(rows, axes, camera)])
+    probabilities = np.zeros((view.arcs, len(directions)))
+    probabilities[view.observed.arcs] = shares(rows, directions @ camera.T).T
     return Attitude(focal, focal_std, None if up_std is None else axes[0], up_std,
-                    directions, labels, replace(view.lens, lam=float(state[LAMBDA])),
+                    directions, label(probabilities),
+                    replace(view.lens, lam=float(state[LAMBDA])),
                     float(state[MU]), np.diag([unit, unit, 1.0]) @ camera, view.calibration,
                     reasons)
 
@@ -242,8 +279,8 @@ def arranged(axes: np.ndarray, hint: np.ndarray) -> np.ndarray:
     return axes * signs[:, None]
 
 
-def _focal(solution: Solution, fit: Fit, view: View
-           ) -> tuple[float | None, float | None, str]:
+def focal_of(solution: Solution, fit: Fit, view: View
+             ) -> tuple[float | None, float | None, str]:
     """Return the focal length and its deviation, px, if observable; or the reason why not."""
     unit = view.lens.half_diagonal
     if view.focal is not None:
@@ -268,20 +305,25 @@ def log_focal_std(solution: Solution, fit: Fit) -> float:
     return math.hypot(math.sqrt(fit.covariance[3, 3]), shared)
 
 
-def _up_std(up: np.ndarray, fit: Fit, scatter: float) -> tuple[float | None, str]:
+def _up_std(up: np.ndarray, fit: Fit, solution: Solution) -> tuple[float | None, str]:
     """Return the deviation of up, radians, on its worse side; or the reason why it has none."""
     turn = np.cross(np.eye(3), up)      # rows: change of up by a rotation about each axis
     variance = np.linalg.eigvalsh(turn.T @ fit.covariance[:3, :3] @ turn)[-1]
-    shared = scatter * math.hypot(SHARED_UP, SHARED_UP_LENS * curved(fit))
-    std = math.hypot(math.sqrt(variance), shared)
+    shared = solution.scale ** 2 * math.hypot(SHARED_UP, SHARED_UP_LENS * curved(fit))
+    std = math.hypot(math.sqrt(variance), shared, _spread(up, solution))
     if std > MAX_UP_STD:
         return None, (f'up has a deviation of {math.degrees(std):.1f} degrees, must be at most '
                       f'{math.degrees(MAX_UP_STD):.1f}')
     return std, ''
 
 
-def _labels(rows: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Return for each line the point that it most likely points to, -1 for none."""
-    share = shares(rows, points)
-    best = np.argmax(share, axis=0)
-    return np.where(share[best, np.arange(len(best))] > 0.5, best, -1)
+def _spread(up: np.ndarray, solution: Solution) -> float:
+    """Return the root mean square angle of rivals to up, radians, by their likelihood."""
+    if len(solution.fits) == 1:
+        return 0.0
+    fits, doubt = solution.fits, CLOSE * len(solution.seen) / DOUBT
+    share = np.exp([(fit.posterior - fits[0].posterior) / doubt for fit in fits])
+    cosines = np.array([np.abs(axes_of(fit.state) @ up).max() for fit in fits])
+    angles = np.arccos(np.minimum(cosines, 1.0))
+    share[angles > NEAR_UP] = 0.0
+    return math.sqrt(float(share @ angles ** 2 / share.sum()))

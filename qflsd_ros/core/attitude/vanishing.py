@@ -13,9 +13,9 @@ import math
 
 import numpy as np
 
-from qflsd_ros.core.compilation import compiled, inlined, summed
-from qflsd_ros.core.geometry.great_circles import (
+from qflsd_ros.core.attitude.great_circles import (
     ACROSS, ALONG, PRECISION, SHARPNESS)
+from qflsd_ros.core.compilation import compiled, inlined, summed
 
 # Most points that are looked for: three axes, three more directions, and clutter.
 POINTS = 10
@@ -284,7 +284,8 @@ def shares(rows: np.ndarray, points: np.ndarray) -> np.ndarray:
     return density / (NONE + density.sum(axis=0))
 
 
-def horizontal(rows: np.ndarray, axes: np.ndarray, camera: np.ndarray) -> np.ndarray:
+def horizontal(rows: np.ndarray, axes: np.ndarray, camera: np.ndarray,
+               known: np.ndarray | None = None) -> np.ndarray:
     """
     Return further directions at right angles to the first axis.
 
@@ -296,6 +297,9 @@ def horizontal(rows: np.ndarray, axes: np.ndarray, camera: np.ndarray) -> np.nda
         (3, 3) orthogonal directions.
     camera
         (3, 3) from a direction to its vanishing point.
+    known
+        (J, 3) unit vectors that have been found before.  They stay first, without those that
+        explain few arcs by now.
 
     Returns
     -------
@@ -304,20 +308,34 @@ def horizontal(rows: np.ndarray, axes: np.ndarray, camera: np.ndarray) -> np.nda
 
     """
     found = np.empty((0, 3))
+    for direction in () if known is None else known:
+        none = _unexplained(rows, np.concatenate([axes, found]) @ camera.T)
+        if _gains_of(rows, none, direction[None], camera)[0] > FURTHER_GAIN / 2:
+            found = np.concatenate([found, direction[None]])
     normals = camera.T @ rows[ALONG:ACROSS]
-    for _ in range(FURTHER):
-        points = np.concatenate([axes, found]) @ camera.T
-        none = 1 - shares(rows, points).sum(axis=0)
+    while len(found) < FURTHER:
+        none = _unexplained(rows, np.concatenate([axes, found]) @ camera.T)
         left = np.flatnonzero(none > 0.5)[:PAIRED]
         candidates = np.cross(axes[0], normals[:, left].T)
         size = np.linalg.norm(candidates, axis=1, keepdims=True)
         candidates = (candidates / np.maximum(size, 1e-9))[size[:, 0] > 0.1]
         if not len(candidates):
             break
-        gains = np.empty(len(candidates))
-        _gains(rows, none / 3, candidates @ camera.T, gains)
-        best = candidates[np.argmax(gains)]
+        gains = _gains_of(rows, none, candidates, camera)
         if gains.max() < FURTHER_GAIN:
             break
-        found = np.concatenate([found, best[None]])
+        found = np.concatenate([found, candidates[[np.argmax(gains)]]])
     return found
+
+
+def _unexplained(rows: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Return the probability of each line that it points to none of some points."""
+    return 1 - shares(rows, points).sum(axis=0)
+
+
+def _gains_of(rows: np.ndarray, none: np.ndarray, directions: np.ndarray, camera: np.ndarray
+              ) -> np.ndarray:
+    """Return how much each direction adds to the log likelihood, beside an axis more."""
+    gains = np.empty(len(directions))
+    _gains(rows, none / 3, directions @ camera.T, gains)
+    return gains

@@ -10,10 +10,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from qflsd_ros.core.geometry.great_circles import COLUMNS, DEVIATION, lines
-from qflsd_ros.core.geometry.refinement import (
+from qflsd_ros.core.attitude.great_circles import COLUMNS, DEVIATION, lines
+from qflsd_ros.core.attitude.refinement import (
     CENTRE, Fit, LAMBDA, LOG_FOCAL, MU, Prior, refine, scale)
-from qflsd_ros.core.geometry.vanishing import (
+from qflsd_ros.core.attitude.vanishing import (
     FOCALS, frames, horizontal, NONE, shares, vanishing_points)
 
 # Prior of ln f in half diagonals: usual lenses, far from excluding any.

@@ -19,10 +19,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from qflsd_ros.core.compilation import compiled, inlined, summed
-from qflsd_ros.core.geometry.great_circles import (
+from qflsd_ros.core.attitude.great_circles import (
     bends, DEVIATION, Line, line, NORMAL_X, NORMAL_Y, X, Y)
-from qflsd_ros.core.geometry.vanishing import NONE, TOGETHER
+from qflsd_ros.core.attitude.vanishing import NONE, TOGETHER
+from qflsd_ros.core.compilation import compiled, inlined, summed
 
 # Degrees of freedom of Student's distribution of an arc's angle; and its density at 0, over that
 # of any angle, 1 / pi, for a deviation of 1.

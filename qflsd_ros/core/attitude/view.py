@@ -7,10 +7,11 @@ from typing import NamedTuple, Union
 import numpy as np
 
 from qflsd_ros.core.arcs import Arcs
-from qflsd_ros.core.geometry.great_circles import (
-    COLUMNS, NORMAL_X, observe, Observed, X)
-from qflsd_ros.core.geometry.refinement import Prior
-from qflsd_ros.core.geometry.solution import EXACT, prior_of
+from qflsd_ros.core.attitude.great_circles import (
+    COLUMNS, NORMAL_X, NORMAL_Y, observe, Observed, X, Y)
+from qflsd_ros.core.attitude.refinement import Prior
+from qflsd_ros.core.attitude.solution import EXACT, prior_of
+from qflsd_ros.core.compilation import compiled
 from qflsd_ros.core.lens.camera_model import CameraModel
 from qflsd_ros.core.lens.division import DivisionModel
 from qflsd_ros.core.lens.estimation import estimate_distortion, LENS_ERROR, LensEstimate
@@ -23,6 +24,10 @@ Lens = Union[LensEstimate, DivisionModel, CameraModel, None]
 LENS_FLAW = LENS_ERROR / 2
 # Deviation of lambda about 0 where arcs do not determine it at all: most lenses.
 LENS_SPREAD = 0.2
+# A view is new if less than the share KNOWN of its LONGEST arcs are NEAR (half diagonals) an arc
+# of another one, with a sine of the angle between them below PARALLEL.  Chosen, not tuned: an arc
+# lies that near by chance in 1 of 6 cases.
+KNOWN, LONGEST, NEAR, PARALLEL = 0.5, 100, 0.05, 0.17
 # Distance of two points from which the direction of a mapped arc is taken, px: small against any
 # detail of a distortion, large against rounding.
 STEP = 1e-2
@@ -131,3 +136,23 @@ def _stereographic(rays: np.ndarray, focal: float) -> np.ndarray:
     """Return the image of unit vectors, (N, 3): (N, 2), in the unit of the focal length."""
     with np.errstate(divide='ignore', invalid='ignore'):
         return 2 * focal * rays[:, :2] / (1 + rays[:, 2:])
+
+
+def shows_the_same(seen: np.ndarray, before: np.ndarray) -> bool:
+    """Return whether most of the longest observations, (N, COLUMNS), were there before."""
+    one = seen[:LONGEST]
+    return bool(_found_again(one, before) >= KNOWN * len(one))
+
+
+@compiled
+def _found_again(seen: np.ndarray, before: np.ndarray) -> int:
+    """Return how many observations are near one of others."""
+    count = 0
+    for i in range(len(seen)):
+        for j in range(len(before)):
+            if (abs(seen[i, X] - before[j, X]) < NEAR and abs(seen[i, Y] - before[j, Y]) < NEAR
+                    and abs(seen[i, NORMAL_X] * before[j, NORMAL_Y]
+                            - seen[i, NORMAL_Y] * before[j, NORMAL_X]) < PARALLEL):
+                count += 1
+                break
+    return count

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from qflsd_ros.core import (
     Arcs, Detector, DivisionModel, estimate_attitude, estimate_distortion, Parameters)
-from qflsd_ros.core.geometry.great_circles import lines, observe
-from qflsd_ros.core.geometry.refinement import _accumulate, _move, STATE, UNKNOWNS
+from qflsd_ros.core.attitude.great_circles import lines, observe
+from qflsd_ros.core.attitude.refinement import _accumulate, _move, STATE, UNKNOWNS
 from qflsd_ros.sources import Scene
 from qflsd_ros.sources.scene.optics import FOCAL
 from seen import arcs_of, wheels

@@ -15,21 +15,22 @@ import math
 import numpy as np
 
 from qflsd_ros.core.arcs import Arcs
+from qflsd_ros.core.attitude import solution as solutions
+from qflsd_ros.core.attitude.estimation import (
+    arranged, Attitude, describe, direction, focal_of, used)
+from qflsd_ros.core.attitude.great_circles import COLUMNS
+from qflsd_ros.core.attitude.labels import TrackLabels
+from qflsd_ros.core.attitude.solution import (
+    axes_of, search, Solution, solve, supported, Unobservable)
+from qflsd_ros.core.attitude.vanishing import horizontal
+from qflsd_ros.core.attitude.view import Lens, shows_the_same, View, view_of
 from qflsd_ros.core.averaging import Average
-from qflsd_ros.core.geometry.attitude import (
-    arranged, Attitude, describe, direction, used)
-from qflsd_ros.core.geometry.great_circles import NORMAL_X, X
-from qflsd_ros.core.geometry.solution import (
-    axes_of, CLOSE, search, Solution, solve, Unobservable)
-from qflsd_ros.core.geometry.view import Lens, View, view_of
 
 # Views after which one counts 1 / e, as for the lens.
 MEMORY = 100
-# A view is new if the camera has turned by TURN (radians), or if less than the share KNOWN of its
-# LONGEST arcs are NEAR (half diagonals) an arc of the last one, with a sine of the angle between
-# them below PARALLEL.  Chosen, not tuned: at TURN an edge moves by some times the width of the
-# blur, and at NEAR an arc lies by chance in 1 of 6 cases.
-TURN, KNOWN, LONGEST, NEAR, PARALLEL = math.radians(3.0), 0.5, 100, 0.05, 0.17
+# A view is new if the camera has turned by TURN (radians), or if it shows other arcs.  Chosen, not
+# tuned: at TURN an edge moves by some times the width of the blur.
+TURN = math.radians(3.0)
 # A solution is lost if its gain for each arc falls below this share of the last search's.
 KEPT = 0.7
 # Frames after which a search looks for a better solution of the same view: 1 s at 30 Hz.
@@ -37,12 +38,18 @@ EVERY = 30
 # Frames without axes after which up is again the axis closest to the hint: 1 s at 30 Hz, in which
 # a camera may turn by 45 degrees.
 GAP = 30
+# Solutions that are followed while the focal length is unknown: more seldom come near the best.
+FOLLOWED = 3
 # Angle to the last axes within which a solution that is nearly the best is preferred to the best:
 # more than a camera turns from one frame to the next.
 NEXT = math.radians(15.0)
+# Log likelihood for each arc by which such a solution may be worse.  Chosen, not tuned: in the
+# rendered room, wrong ones were worse by .06 to .17, and better by .04 at most.
+NEARLY = 0.05
 # Normalised distance from which on a focal length is an outlier: normally distributed errors
 # exceed it once in 16000 frames; and successive outliers after which it is taken to have changed.
 DEVIATIONS, PATIENCE = 4.0, 15
+ORDERS = np.array(list(permutations(range(3))))
 
 
 class AttitudeTracker:
@@ -59,7 +66,8 @@ class AttitudeTracker:
     attitude
         That of the last frame, None where its arcs do not show one.  Its axes form a right-handed
         frame and keep order and sign from frame to frame: yaw is continuous.  Its focal length is
-        the average over views, None before the first one that determines it.
+        the average over views, None before the first one that determines it.  An arc with a track
+        keeps its label unless another one is clearly more likely by the last frames.
     reason
         Why ``attitude`` is None; empty where it is not.
     outliers
@@ -86,8 +94,11 @@ class AttitudeTracker:
         self._why_no_focal: tuple[str, ...] = ()
         self._contrary = 0                          # successive outliers
         self._missed = 0                            # successive frames without axes
-        self._state: np.ndarray | None = None       # of the last solution
+        self._states: list[np.ndarray] = []         # of the last solution
         self._axes: np.ndarray | None = None        # the last ones, (3, 3) rows, in their order
+        self._further = np.empty((0, 3))            # further directions, by those axes
+        self._common = 3            # directions that are the same as in the frame before
+        self._labels = TrackLabels()
         # The last search: observations, axes, gain for each arc, and frames since.
         self._searched: np.ndarray | None = None
         self._searched_axes = np.zeros((3, 3))
@@ -116,27 +127,43 @@ class AttitudeTracker:
             self._forget(shape)
         view = view_of(arcs, shape, lens, focal)
         try:
-            self.attitude, self.reason = self._follow(view), ''
+            self.attitude, self.reason = self._follow(view, arcs), ''
             self._missed = 0
         except Unobservable as error:
             self.attitude, self.reason = None, str(error)
             self._missed += 1
         return self.attitude
 
-    def _follow(self, view: View) -> Attitude:
+    def _follow(self, view: View, arcs: Arcs) -> Attitude:
         """Return the attitude of a view, from the last solution or a search."""
         seen = used(view)
+        if self._missed > GAP:      # the axes may come back in another order
+            self._further, self._labels = np.empty((0, 3)), TrackLabels()
         solution = self._refined(seen, view)
         new = solution is None or self._is_new(seen, axes_of(solution.fits[0].state))
         lost = solution is None or solution.gain < KEPT * self._gain
         self._since += 1
         if solution is None or new or lost or self._contrary or self._since >= EVERY:
             solution = self._search(seen, view, new)
-        found = describe(solution, self._with_focal(view), self._arranged)
-        self._state = solution.fits[0].state
+        found = describe(solution, self._with_focal(view), self._arranged, self._horizontal,
+                         lambda chances: self._labels.follow(arcs, chances, self._common))
+        # Rivals are followed as long as the focal length does not decide between them.
+        self._states = [fit.state for fit in solution.fits[:1 if self._log_focal else FOLLOWED]]
         self._axes = found.directions[:3]
         if view.focal is None and not self._log_focal:
             found = replace(found, focal=None, focal_std=None, reasons=self._why_no_focal)
+        return found
+
+    def _horizontal(self, rows: np.ndarray, axes: np.ndarray, camera: np.ndarray) -> np.ndarray:
+        """Return further directions: those of the last frame, and others after a search."""
+        known = self._further @ axes
+        self._common = 3 + len(known)
+        if self._since:
+            return known
+        found = horizontal(rows, axes, camera, known)
+        if not np.array_equal(found[:len(known)], known):
+            self._common = 3
+        self._further = found @ axes.T
         return found
 
     def _with_focal(self, view: View) -> View:
@@ -148,10 +175,10 @@ class AttitudeTracker:
 
     def _refined(self, seen: np.ndarray, view: View) -> Solution | None:
         """Return the solution near the last one, None if there is none."""
-        if self._state is None or self._missed:
+        if not self._states or self._missed:
             return None
         try:
-            return solve(seen, self._with_focal(view).prior(), [self._state])
+            return self._nearest(solve(seen, self._with_focal(view).prior(), self._states))
         except Unobservable:
             return None
 
@@ -171,11 +198,11 @@ class AttitudeTracker:
 
     def _measure(self, solution: Solution, view: View, new: bool) -> None:
         """Average the focal length of a solution, if it is observable there."""
-        found = describe(solution, view, self._arranged)
-        if found.focal is None or found.focal_std is None:
-            self._why_no_focal = found.reasons
+        focal, focal_std, why_not = focal_of(solution, supported(solution), view)
+        if focal is None or focal_std is None:
+            self._why_no_focal = (why_not,)
             return
-        value, std = math.log(found.focal / view.lens.half_diagonal), found.focal_std / found.focal
+        value, std = math.log(focal / view.lens.half_diagonal), focal_std / focal
         if self._log_focal:
             off = value - self._log_focal.mean[0]
             if abs(off) > DEVIATIONS * math.hypot(std, self._log_focal.deviations()[0]):
@@ -194,18 +221,14 @@ class AttitudeTracker:
             return True
         if _angle(axes, self._searched_axes) > TURN:
             return True
-        one, other = seen[:LONGEST], self._searched
-        apart = np.abs(one[:, None, X:NORMAL_X] - other[:, X:NORMAL_X]).max(axis=2)
-        turn = np.abs(one[:, [2]] * other[:, 3] - one[:, [3]] * other[:, 2])
-        same = ((apart < NEAR) & (turn < PARALLEL)).any(axis=1)
-        return bool(np.count_nonzero(same) < KNOWN * len(one))
+        return not shows_the_same(seen, self._searched)
 
     def _nearest(self, solution: Solution) -> Solution:
         """Return a solution whose first fit is near the last axes, if one is nearly the best."""
         if self._axes is None or self._missed > GAP:
             return solution
         last, fits = self._axes, solution.fits
-        least = fits[0].posterior - CLOSE * len(solution.seen)
+        least = fits[0].posterior - NEARLY * len(solution.seen)
         off = [_angle(matched(axes_of(fit.state), last), last) if fit.posterior > least
                else math.inf for fit in fits]
         best = int(np.argmin(off))
@@ -226,11 +249,17 @@ class AttitudeTracker:
 def matched(axes: np.ndarray, last: np.ndarray) -> np.ndarray:
     """Return axes, rows of (3, 3), in that order and with those signs that are nearest others."""
     cosines = last @ axes.T
-    order = max(permutations(range(3)), key=lambda p: float(np.abs(cosines[range(3), p]).sum()))
-    return axes[list(order)] * np.sign(cosines[range(3), order])[:, None]
+    order = ORDERS[np.abs(cosines[range(3), ORDERS]).sum(axis=1).argmax()]
+    return axes[order] * np.sign(cosines[range(3), order])[:, None]
 
 
 def _angle(axes: np.ndarray, others: np.ndarray) -> float:
     """Return the angle of the rotation between axes of the same order and signs, radians."""
     cosine = (float((axes * others).sum()) - 1) / 2
     return math.acos(min(max(cosine, -1.0), 1.0))
+
+
+def warm_up() -> None:
+    """Compile the kernels, or load them from the cache, before the first frame comes."""
+    solutions.warm_up()
+    shows_the_same(np.empty((0, COLUMNS)), np.empty((0, COLUMNS)))
