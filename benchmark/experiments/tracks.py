@@ -10,8 +10,8 @@ from benchmark.identity import LAGS, Lives, lives, over_frames, Sums
 from benchmark.metrics import ratio
 from benchmark.parallel import each
 from benchmark.report import number, section, table
-from benchmark.scenes.turning import Turning
 from benchmark.scenes.return_walk import ReturnWalk
+from benchmark.scenes.turning import Turning
 from benchmark.timing import run
 from benchmark.trackers import available, begin, title
 import numpy as np
