@@ -1,172 +1,131 @@
 """
-The constants of the detector, and how to vary one of them.
+The constants of the core, as its sources state them, with their meaning and origin.
 
-A constant is a name in capitals that a module of the detector binds to a number, to a tuple of
-numbers, or to a function of one number such as ``math.sin(math.radians(10.0))``.  The number in
-the source is varied: of the sine of an angle, the angle.
-
-numba compiles constants into the kernels.  A constant can therefore be varied only once in a
-process, and before the first frame.  Kernels that depend on it, directly or through kernels that
-they call, are then compiled anew and not cached; all others come from the cache.
+A constant is a name in capitals that a module binds to a number, to several numbers, or to an
+expression of numbers such as ``math.sin(math.radians(10.0))``.  Numbers of columns do not count:
+names that are bound together to whole numbers from 0 or 1 on, or that stand below a comment
+"Columns of".  The comment beside or above a constant states its meaning and origin; a comment
+that begins with "All of these", "All of the following" or "Origin of these" states the origin of
+all constants of a module that have none of their own.
 """
 from __future__ import annotations
 
 import ast
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator
 import importlib
 import inspect
 import pkgutil
+import re
 from types import ModuleType
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from numba.core.caching import NullCache
-from numba.core.dispatcher import Dispatcher
 from qflsd_ros import core
-from qflsd_ros.core import circle, detection, detector
 
-NOT_VARIED = {
-    'column numbers, layout of memory and technical limits': (
-        'chains.BYTE_NUMBERS', 'detector.SMALLEST_IMAGE', 'edges.WEAK',
-        'edges.STRONG', 'edges.VISITED', 'extraction.SECTION', 'extraction.NO_RUN', 'grid.CELL',
-        'heap.ITEM', 'pieces.NODES', 'order.GRAIN', 'suppression.CELL', 'suppression.ENTRIES'),
-    'given by theory': ('gradients.GAIN',),
-    'in use only with a known lens': (
-        'frame.KNOWN_STD', 'agreement.BOW', 'agreement.BENT', 'agreement.EASE'),
-    'in use only with a mask': ('region.SAMPLED',)}
-LEFT_OUT = frozenset(title for titles in NOT_VARIED.values() for title in titles)
-Name = tuple[str, str]      # module, name in it
+NOTE = re.compile(r'# (?:All of these|All of the following|Origin of these)\b')
 
 
 class Constant(NamedTuple):
-    """A constant of the detector: its module, its name there, and its expression in the source."""
+    """A constant of the core, as its module states it."""
 
-    module: str
+    module: str     # with all packages
     name: str
-    source: str
+    source: str     # its expression
+    comment: str    # meaning and origin; constants of one statement share it
+    line: int       # of the statement, from 1
 
     @property
     def title(self) -> str:
         """Return module and name, without the packages."""
         return f'{self.module.rpartition(".")[2]}.{self.name}'
 
-    def scaled(self, factor: float) -> Any:
-        """Return the value with all numbers of its expression times a factor."""
-        tree = _Scaling(factor).visit(ast.parse(self.source, mode='eval'))
-        code = compile(ast.fix_missing_locations(tree), self.title, 'eval')
-        return eval(code, vars(importlib.import_module(self.module)))
 
-
-class _Scaling(ast.NodeTransformer):
-    """Multiplies numbers; whole ones stay whole."""
-
-    def __init__(self, factor: float) -> None:
-        self._factor = factor
-
-    def visit_Constant(self, node: ast.Constant) -> ast.Constant:
-        """Return the node of the product."""
-        assert isinstance(node.value, (int, float))
-        value = node.value * self._factor
-        return ast.Constant(round(value) if isinstance(node.value, int) else value)
-
-
-def constants(left_out: Collection[str] = LEFT_OUT) -> list[Constant]:
-    """Return all constants of the detector, module by module, but for those left out."""
-    modules = [detector, circle, *(
-        importlib.import_module(f'{detection.__name__}.{found.name}')
-        for found in pkgutil.iter_modules(detection.__path__))]
-    found = [Constant(module.__name__, name, ast.unparse(value)) for module in modules
-             for name, value in _assignments(module) if _is_varied(name, value)]
-    return [constant for constant in found if constant.title not in left_out]
-
-
-def _assignments(module: ModuleType) -> Iterator[tuple[str, ast.expr]]:
-    """Return the names that a module's own statements bind, each with its expression."""
-    for statement in ast.parse(inspect.getsource(module)).body:
-        if not isinstance(statement, ast.Assign):
-            continue
-        target, value = statement.targets[0], statement.value
-        if isinstance(target, ast.Name):
-            yield target.id, value
-        elif isinstance(target, ast.Tuple) and isinstance(value, ast.Tuple):
-            for element, part in zip(target.elts, value.elts):
-                if isinstance(element, ast.Name):
-                    yield element.id, part
-
-
-def _is_varied(name: str, value: ast.expr) -> bool:
-    """Return whether an expression is a number, a tuple of numbers, or a function of one."""
-    literals = [node.value for node in ast.walk(value) if isinstance(node, ast.Constant)]
-    names = [node.id for node in ast.walk(value) if isinstance(node, ast.Name)]
-    numbers = all(type(literal) in (int, float) for literal in literals)
-    return (name.isupper() and numbers and not any(map(str.isupper, names))
-            and (len(literals) == 1 or len(literals) > 1 and isinstance(value, ast.Tuple)))
-
-
-def change(constant: Constant, factor: float) -> set[Name]:
-    """
-    Scale a constant in this process, and all that the core derives from it when it is imported.
-
-    Returns the names that have changed; RuntimeError where a kernel that depends on one of them
-    is compiled already.
-    """
-    changed = {(constant.module, constant.name)}
-    setattr(importlib.import_module(constant.module), constant.name, constant.scaled(factor))
-    modules = _core()
-    before: set[Name] = set()
-    while before != changed:
-        before = set(changed)
-        for module in modules:
-            changed |= set(_renewed(module, before))
-    _compile_anew(modules, changed)
-    return changed
-
-
-def _core() -> list[ModuleType]:
+def modules() -> list[ModuleType]:
+    """Return all modules of the core, packages left out."""
     return [importlib.import_module(found.name) for found in
             pkgutil.walk_packages(core.__path__, f'{core.__name__}.') if not found.ispkg]
 
 
-def _renewed(module: ModuleType, changed: set[Name]) -> Iterator[Name]:
-    """Import and compute again what a module takes from changed names; return its new names."""
-    home = module.__name__
-    for statement in ast.parse(inspect.getsource(module)).body:
-        if isinstance(statement, ast.ImportFrom) and statement.module:
-            for alias in statement.names:
-                name = alias.asname or alias.name
-                if (statement.module, alias.name) in changed and (home, name) not in changed:
-                    source = importlib.import_module(statement.module)
-                    setattr(module, name, getattr(source, alias.name))
-                    yield home, name
-    for name, value in _assignments(module):
-        if (home, name) not in changed and changed & set(_uses(value, module)):
-            setattr(module, name, eval(ast.unparse(value), vars(module)))
-            yield home, name
+def constants() -> list[Constant]:
+    """Return all constants of the core, module by module."""
+    return [constant for module in modules()
+            for constant in constants_of(inspect.getsource(module), module.__name__)]
 
 
-def _uses(value: ast.AST, module: ModuleType) -> Iterator[Name]:
-    """Return the global names that code in a module refers to, by the module that has them."""
-    for node in ast.walk(value):
-        if isinstance(node, ast.Name):
-            yield module.__name__, node.id
-        elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
-            owner = vars(module).get(node.value.id)
-            if isinstance(owner, ModuleType):
-                yield owner.__name__, node.attr
+def constants_of(source: str, module: str) -> Iterator[Constant]:
+    """Yield the constants that the source of a module binds at its top level."""
+    lines = source.splitlines()
+    for statement in ast.parse(source).body:
+        if not isinstance(statement, (ast.Assign, ast.AnnAssign)) or not _is_number(
+                statement.value) or _is_column(lines, statement):
+            continue
+        comment = _comment(lines, statement)
+        for name, value in bound(statement):
+            if re.fullmatch('[A-Z][A-Z0-9_]*', name):
+                yield Constant(module, name, ast.unparse(value), comment, statement.lineno)
 
 
-def _compile_anew(modules: Sequence[ModuleType], changed: set[Name]) -> None:
-    """Take the cache from all kernels that depend on changed names."""
-    kernels: dict[Name, Any] = {
-        (module.__name__, name): value for module in modules
-        for name, value in vars(module).items() if isinstance(value, Dispatcher)}
-    uses = {place: set(_uses(ast.parse(inspect.getsource(kernel.py_func)),
-                             importlib.import_module(kernel.py_func.__module__)))
-            for place, kernel in kernels.items()}
-    affected: set[Name] = set()
-    while more := {place for place in kernels.keys() - affected
-                   if uses[place] & (changed | affected)}:
-        affected |= more
-    for place in affected:
-        if kernels[place].overloads:
-            raise RuntimeError(f'{".".join(place)} is compiled with the old value of a constant')
-        kernels[place]._cache = NullCache()
+def note(source: str) -> str:
+    """Return what a module states of the origin of all its constants; may be empty."""
+    lines = source.splitlines()
+    return ' '.join(line.lstrip('# ') for i in range(len(lines)) for line in _note(lines[i:]))
+
+
+def bound(statement: ast.stmt) -> Iterator[tuple[str, ast.expr]]:
+    """Yield the names that an assignment binds, each with its expression."""
+    if not isinstance(statement, (ast.Assign, ast.AnnAssign)):
+        return
+    value = statement.value
+    target = statement.targets[0] if isinstance(statement, ast.Assign) else statement.target
+    if isinstance(target, ast.Name) and value is not None:
+        yield target.id, value
+    elif isinstance(target, ast.Tuple) and isinstance(value, ast.Tuple):
+        for element, part in zip(target.elts, value.elts):
+            if isinstance(element, ast.Name):
+                yield element.id, part
+
+
+def _is_number(value: ast.expr | None) -> bool:
+    """Return whether a value is a number, or several that are no numbers of columns."""
+    if isinstance(value, (ast.Tuple, ast.Dict)):
+        parts = value.elts if isinstance(value, ast.Tuple) else value.values
+        whole = [part.value for part in parts
+                 if isinstance(part, ast.Constant) and isinstance(part.value, int)]
+        columns = whole[:1] in ([0], [1]) and whole == sorted(whole)
+        return all(map(_is_number, parts)) and not columns
+    if isinstance(value, ast.Constant):
+        return isinstance(value.value, (int, float))
+    if isinstance(value, ast.UnaryOp):
+        return _is_number(value.operand)
+    if isinstance(value, ast.BinOp):
+        return _is_number(value.left) and _is_number(value.right)
+    if isinstance(value, ast.Call):
+        return ast.unparse(value.func).startswith('math.')
+    return isinstance(value, ast.Attribute) and ast.unparse(value) == 'math.pi' or (
+        isinstance(value, ast.Name) and value.id.isupper())
+
+
+def _is_column(lines: list[str], statement: ast.stmt) -> bool:
+    """Return whether the paragraph of a statement begins as a list of columns."""
+    first = statement.lineno - 1
+    while first > 0 and lines[first - 1]:
+        first -= 1
+    return lines[first].startswith('# Columns of ')
+
+
+def _note(lines: list[str]) -> list[str]:
+    """Return the sentence about all constants that the first of some lines begins, if it does."""
+    if not lines or not NOTE.match(lines[0]):
+        return []
+    end = next(i for i, line in enumerate(lines) if line.endswith('.'))
+    return lines[:end + 1]
+
+
+def _comment(lines: list[str], node: ast.stmt) -> str:
+    """Return the comment at the end of a statement, or the lines of comments just above it."""
+    assert node.end_lineno is not None and node.end_col_offset is not None
+    beside = lines[node.end_lineno - 1][node.end_col_offset:].strip()
+    above: list[str] = []
+    while lines[node.lineno - 2 - len(above)].startswith('#'):
+        above.insert(0, lines[node.lineno - 2 - len(above)])
+    above = above[len(_note(above)):]
+    return ' '.join(line.strip('# ') for line in [*above, beside] if line)

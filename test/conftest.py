@@ -1,4 +1,4 @@
-"""Tests that share a fixture of their module run in one worker of pytest-xdist."""
+"""The order of tests, and the worker of pytest-xdist in which those of a module run."""
 from __future__ import annotations
 
 import pytest
@@ -10,3 +10,5 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         definitions = item._fixtureinfo.name2fixturedefs  # there is no public way
         if any(definition[-1].scope == 'module' for definition in definitions.values()):
             item.add_marker(pytest.mark.xdist_group(item.nodeid.partition('::')[0]))
+    # The linters first: they are single long tests, beside which the others run.
+    items.sort(key=lambda item: item.get_closest_marker('linter') is None)

@@ -22,7 +22,7 @@ from benchmark.peers import published, TOLERANCE
 from benchmark.report import number, section, significant, table
 import numpy as np
 from qflsd_ros.core import Arcs, Detector, paper, Parameters
-from qflsd_ros.core.detection import chains, edges
+from qflsd_ros.core.detection.contours import chains, edges
 
 MIN_TRUTH = 20.0            # px, shortest line that counts
 BARE = Parameters(max_gap=0.0, min_score=-1000.0, min_distance=0.0)

@@ -10,13 +10,14 @@ from collections.abc import Sequence
 import math
 from typing import NamedTuple
 
-from benchmark.constants import change, Constant, constants, NOT_VARIED
+from benchmark.constants import Constant
 from benchmark.datasets import LENSES, View
 from benchmark.experiment import Experiment
 from benchmark.metrics import Comparison, Counts, sample
 from benchmark.parallel import each
 from benchmark.peers import TOLERANCE
 from benchmark.report import number, section, table
+from benchmark.variation import change, NOT_VARIED, varied
 import cv2
 import numpy as np
 from qflsd_ros.core import Detector
@@ -112,14 +113,14 @@ def measure(experiment: Experiment) -> str:
     """Write the section."""
     views = [view for lens in LENSES
              for view in experiment.dataset.of_lens(lens, experiment.effort.per_lens // 2)]
-    varied = constants()[::experiment.effort.every]
+    chosen = varied()[::experiment.effort.every]
     tasks = [Task(None, 1.0, views)]
-    tasks += [Task(constant, factor, views) for constant in varied for factor in FACTORS]
+    tasks += [Task(constant, factor, views) for constant in chosen for factor in FACTORS]
     # Each in a process of its own: constants are compiled into the kernels.
     (_, usual), *others = each(run, tasks, 'sensitivity', fresh=True)
     results = [result for _, result in others]
     rows = [(f'`{constant.title}`', f'`{constant.source}`', *cells(usual, *pair))
-            for constant, pair in zip(varied, zip(results[::2], results[1::2]))]
+            for constant, pair in zip(chosen, zip(results[::2], results[1::2]))]
     left_out = '; '.join(f'{reason}: {", ".join(f"`{title}`" for title in titles)}'
                          for reason, titles in NOT_VARIED.items())
     return section(

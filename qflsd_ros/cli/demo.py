@@ -14,12 +14,12 @@ import sys
 import time
 from typing import Callable
 
-from qflsd_ros.cli.film import Film
-from qflsd_ros.cli.gallery import Gallery
 from qflsd_ros.cli.interruption import noted
 from qflsd_ros.cli.leash import START
 from qflsd_ros.cli.map_listener import MapListener
 from qflsd_ros.cli.observer import Counts, Observer, Show
+from qflsd_ros.cli.output.film import Film
+from qflsd_ros.cli.output.gallery import Gallery
 from qflsd_ros.cli.processes import ProcessError, Processes
 from qflsd_ros.sources import Scene
 from qflsd_ros.sources.files import IMAGE_SUFFIXES

@@ -11,14 +11,15 @@ import time
 from typing import Generator, Iterable, Iterator
 
 import cv2
-from qflsd_ros.cli import inputs, recordings, settings
+from qflsd_ros.cli import inputs, settings
 from qflsd_ros.cli.inputs import Picture
 from qflsd_ros.cli.interruption import Interrupted, raised
-from qflsd_ros.cli.recordings import Recordings
+from qflsd_ros.cli.output import recordings
+from qflsd_ros.cli.output.recordings import Recordings
+from qflsd_ros.cli.output.writing import private_room
 from qflsd_ros.cli.settings import Options, SettingsError
 from qflsd_ros.cli.work import Outcome, Task, Work
 from qflsd_ros.cli.workers import Workers
-from qflsd_ros.cli.writing import private_room
 from qflsd_ros.sources.frames import Report, SourceError
 from qflsd_ros.sources.opening import Kind, kind_of
 from tqdm import tqdm
@@ -168,7 +169,7 @@ def summarise(text: str) -> bool:
     try:
         print(text, flush=True)
     except OSError as error:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)    # else Python fails again when it exits
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)    # Python flushes it again at exit
         if not isinstance(error, BrokenPipeError):
             say(f'the summary cannot be written: {error.strerror}')
             return False

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from qflsd_ros.cli.writing import private_room, write_whole
+from qflsd_ros.cli.output.writing import private_room, write_whole
 from qflsd_ros.map_drawing import draw_map
 from qflsd_ros.ros.output.clouds import records
 from rclpy.node import Node

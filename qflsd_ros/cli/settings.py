@@ -16,7 +16,7 @@ from qflsd_ros.ros.parameters.node_parameters import check_together, Settings
 from qflsd_ros.sources.frames import SourceError
 
 NODE = '/detector'
-# Parameters of the node without effect here: they are about topics, messages and diagnostics.
+# Parameters of the node that concern topics, messages and diagnostics: no effect here.
 IDLE = ('image_transport', 'max_pixels', 'marker_colour', 'metres_per_pixel', 'max_bend',
         'line_features_rate', 'line_features_max', 'line_features_min_length', 'cameras',
         'camera_index', 'max_age', 'hardware_id')
@@ -125,7 +125,7 @@ def _from_file(path: Path, node: str, tell: Callable[[str], None]) -> dict[str, 
 
 
 def _is_idle(name: str, value: Any) -> bool:
-    """Tell whether a parameter differs from its default although it has no effect here."""
+    """Return whether a parameter differs from its default although it has no effect here."""
     if name in IDLE:
         return bool(value != FIELDS[name].default)
     return name.split('.')[0] in OF_ROS

@@ -10,9 +10,9 @@ import cv2
 import numpy as np
 from qflsd_ros import overlay, records
 from qflsd_ros.attitude_drawing import draw_attitude
-from qflsd_ros.cli import results
 from qflsd_ros.cli.inputs import Picture
-from qflsd_ros.cli.recordings import Cloud
+from qflsd_ros.cli.output import results
+from qflsd_ros.cli.output.recordings import Cloud
 from qflsd_ros.cli.settings import Options
 from qflsd_ros.core import Arcs, Attitude, Detector, Tracker, with_straightness
 from qflsd_ros.core.attitude import tracker as attitude_tracker

@@ -36,7 +36,7 @@ class Workers(Generic[Task, Result]):
         self._tasks: dict[Connection, Task] = {}
 
     def __enter__(self) -> Workers[Task, Result]:
-        """Return this."""
+        """Return the pool; processes start when tasks arrive."""
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
@@ -63,7 +63,7 @@ class Workers(Generic[Task, Result]):
         idle = [connection for connection in self._processes if connection not in self._tasks]
         connection = idle[0] if idle else self._start()
         self._tasks[connection] = task
-        with suppress(OSError):     # the process was killed while idle: _done sees its closed pipe
+        with suppress(OSError):     # the idle process was killed: _done finds the pipe closed
             connection.send(task)
 
     def _start(self) -> Connection:

@@ -23,12 +23,14 @@ import numpy as np
 from qflsd_ros.core.compilation import compiled, inlined, summed
 
 Circle = tuple[float, float, float, float]      # A, B, C, D
+Point = tuple[float, float]                     # x, y, px
 
 # Columns of a fit, one row of a float64 array: the origin; A to D relative to it, along the
 # image's axes; the residual sum of squares and the sum of the weights of the points; the variance
 # of A by these residuals; the variances of A and D for points of a variance of 1 px^2; and 1 where
 # A is fitted, 0 where it is that of the image of a line.
 X0, Y0, A, B, C, D, RSS, COUNT, VAR_A, LEVER_A, LEVER_D, BENT, FIT_SIZE = range(13)
+
 NOISE_FLOOR = 0.05      # px, least standard deviation of a point (tuned on rendered edges)
 # Number of neighbouring edge points with the same error: they are located from shared pixels, and
 # blurred together (measured on rendered edges).
@@ -89,18 +91,18 @@ def distance(circle: Circle, x: float, y: float) -> float:
 
 
 @inlined
-def through(x0: float, y0: float, x1: float, y1: float, x2: float, y2: float,
+def through(start: Point, middle: Point, end: Point,
             max_curvature: float) -> tuple[Circle, float]:
     """
     Return the generalised circle through three points, and its gradient's squared length.
 
     The circle is not normalised, see :func:`normalised`: a hypothesis that is rejected does not
     cost a square root.  The points are given in px relative to any origin; the circle's origin is
-    (x1, y1).  If the curvature were above ``max_curvature``, 1/px, as the noise of close points
-    causes, the circle is the line through the outer points.  If these coincide, all is 0.
+    the middle one.  If the curvature were above ``max_curvature``, 1/px, as the noise of close
+    points causes, the circle is the line through the outer points.  If these coincide, all is 0.
     """
-    ax, ay = x0 - x1, y0 - y1
-    bx, by = x2 - x1, y2 - y1
+    ax, ay = start[0] - middle[0], start[1] - middle[1]
+    bx, by = end[0] - middle[0], end[1] - middle[1]
     # D = 0 since the origin lies on it; A, B, C are the minors of the other two rows.
     a2, b2 = ax * ax + ay * ay, bx * bx + by * by
     a = ax * by - ay * bx
@@ -114,14 +116,14 @@ def through(x0: float, y0: float, x1: float, y1: float, x2: float, y2: float,
 
 
 @inlined
-def image_of_line(x0: float, y0: float, x1: float, y1: float,
-                  lam: float) -> tuple[Circle, float]:
+def image_of_line(start: Point, end: Point, lam: float) -> tuple[Circle, float]:
     """
     Return the image of the line through two points, and its gradient's squared length.
 
     It is not normalised, as in :func:`through`.  The points are given in px relative to the centre
     of the lens, which is the circle's origin, and ``lam`` is lambda in 1/px^2: A = lambda D.
     """
+    (x0, y0), (x1, y1) = start, end
     w0, w1 = 1 + lam * (x0 * x0 + y0 * y0), 1 + lam * (x1 * x1 + y1 * y1)
     b, c, d = y0 * w1 - y1 * w0, x1 * w0 - x0 * w1, x0 * y1 - x1 * y0
     return (lam * d, b, c, d), b * b + c * c - 4 * lam * d * d

@@ -9,14 +9,15 @@ import numpy as np
 from qflsd_ros.core import paper
 from qflsd_ros.core.arcs import Arcs
 from qflsd_ros.core.circle import FIT_SIZE
-from qflsd_ros.core.detection import (
-    assembly, chains, edges, extraction, gradients, joining, noise, pieces, refinement,
-    thresholds)
+from qflsd_ros.core.detection import assembly, extraction, refinement
+from qflsd_ros.core.detection.contours import chains, edges, gradients, noise, thresholds
 from qflsd_ros.core.detection.frame import curvature_limits, Frame, Limits
+from qflsd_ros.core.detection.joining import joining, pieces
 from qflsd_ros.core.detection.region import Region, region
 from qflsd_ros.core.lens.division import DivisionModel
 from qflsd_ros.core.parameters import Parameters
 
+# All of these are chosen, not tuned, unless stated otherwise.
 MIN_POINTS = 8              # edge points of the shortest piece of an arc in an image without noise
 # Shortest piece from which an arc is made, px for each edge point of the shortest piece (tuned on
 # photographs: with 1.25, sides of 17 px are found as often, and it takes 2 % longer).

@@ -18,6 +18,7 @@ import numpy as np
 from qflsd_ros.core.arcs import Arcs, TABLE
 from qflsd_ros.core.parameters import Parameters
 
+# All of these are chosen, not tuned, unless stated otherwise.
 DRAWS = 20          # open: attempts at three points that are not collinear
 SOBEL_GAIN = 4.0    # response of cv2.Canny's Sobel filter to a step of one grey level
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pwd
 import stat
 
-ROOT_USER = 0
+ROOT_USER = 0           # the number of root (POSIX)
 
 
 def make(folder: Path) -> None:

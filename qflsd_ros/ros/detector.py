@@ -93,7 +93,7 @@ class DetectorNode(Node):
             self.destroy_node()
 
     def _begin(self) -> None:
-        """Take images from now on, because the kernels are ready."""
+        """Accept images from now on, because the kernels are ready."""
         self._worker.start()
         self._follow_subscribers()
 
@@ -153,7 +153,7 @@ class DetectorNode(Node):
 
     def _follow_attitude(self, seen: Seen, shape: tuple[int, int], settings: Settings
                          ) -> Attitude | None:
-        """Return the attitude, and watch the calibration; nothing is done while it is off."""
+        """Return the attitude, None while it is off; while it is on, check the calibration too."""
         if settings.attitude:
             self._watch.follow(seen.arcs, shape, seen.model,
                                calibrated(self._calibration, shape))
@@ -168,7 +168,7 @@ class DetectorNode(Node):
     def _reject(self, reason: str, text: str) -> None:
         """Count a bad frame, and log it unless one of the same kind was logged recently."""
         if not self.context.ok():
-            return  # publishing fails after a shutdown, and that is no error of the frame
+            return  # after a shutdown publishing fails, which is no fault of the frame
         self._statistics.bad(reason)
         now = time.monotonic()
         if now - self._last_log.get(reason, -LOG_PERIOD) >= LOG_PERIOD:
@@ -177,7 +177,7 @@ class DetectorNode(Node):
 
     def _diagnose(self) -> None:
         """Publish a report on the frames since the last call on /diagnostics."""
-        self._follow_subscribers()      # a parameter may need camera_info by now
+        self._follow_subscribers()      # a changed parameter may need camera_info
         settings = self._active[1]
         status = DiagnosticStatus(name=f'{self.get_fully_qualified_name()}: detection',
                                   hardware_id=settings.hardware_id or self._images.topic)
@@ -199,7 +199,7 @@ class DetectorNode(Node):
             attitude_tracker.warm_up()
 
     def _calibration_status(self, settings: Settings) -> list[DiagnosticStatus]:
-        """Return the status of the calibration, in a list: none while nobody watches it."""
+        """Return a list of the calibration's status; it is empty while the attitude is off."""
         if not settings.attitude or not self._calibration:
             return []
         level, text, values = self._watch.verdict(settings, self._attitude.focal)

@@ -87,7 +87,7 @@ class FrameSequence:
     """
 
     def __init__(self) -> None:
-        """Begin without a frame."""
+        """Begin without tracks and without a lens."""
         self.lens = CameraLens()
         self._detector, self._tracker, self._trails = Detector(), Tracker(), Trails()
 

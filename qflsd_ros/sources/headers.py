@@ -77,7 +77,7 @@ def _jpeg(data: bytes) -> Size | None:
             height, width = struct.unpack_from('>HH', data, at + 5)
             return width, height
         if marker == 0xff:
-            at += 1  # a fill byte
+            at += 1  # any number of bytes ff may precede a marker
         elif marker in JPEG_ALONE:
             at += 2
         elif marker < JPEG_FIRST:
@@ -90,7 +90,7 @@ def _jpeg(data: bytes) -> Size | None:
 def _bmp(data: bytes) -> Size:
     old = struct.unpack_from('<I', data, 14)[0] == 12
     width, height = struct.unpack_from('<HH' if old else '<ii', data, 18)
-    return abs(width), abs(height)  # the rows of a negative height begin at the top
+    return abs(width), abs(height)  # a height below 0 means that the first row is the top one
 
 
 def _pnm(data: bytes) -> Size | None:

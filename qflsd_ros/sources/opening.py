@@ -16,8 +16,9 @@ from qflsd_ros.sources.frames import Report, report_by_log, Source, SourceError
 from qflsd_ros.sources.sequence import DESCRIPTION, Sequence
 from qflsd_ros.sources.video import Video, Webcam
 
-# Files that count as videos in a folder; a file that is named by itself is one unless it has the
-# suffix of another kind, since OpenCV reads more formats than these.
+# Suffixes of the files in a folder that count as videos.  A file that is named explicitly is
+# opened as a video whatever its suffix, unless that belongs to another kind: OpenCV reads more
+# formats than these.
 VIDEO_SUFFIXES = ('.avi', '.m4v', '.mkv', '.mov', '.mp4', '.mpeg', '.mpg', '.webm')
 
 
@@ -154,6 +155,6 @@ def _matches(pattern: Path) -> list[Path]:
     try:
         found = sorted(folder.glob(str(pattern.relative_to(folder))))
     except (OSError, ValueError):
-        return []  # a name is too long, or ** is only a part of a name
+        return []  # a name is too long, or ** does not stand alone between slashes
     return [path for path in found
             if not any(part.startswith('.') and part not in pattern.parts for part in path.parts)]

@@ -1,76 +1,46 @@
-"""The constants of the detector are found in its source, and varied in a process."""
+"""Constants are read from the sources of the core with their meaning and origin."""
 from __future__ import annotations
 
-from collections.abc import Iterator
-import math
-import multiprocessing
-from multiprocessing.pool import Pool
-from pathlib import Path
+from benchmark.constants import constants, constants_of, note
 
-from benchmark.constants import change, Constant, constants, NOT_VARIED
-from benchmark.datasets import View
-from benchmark.experiments.sensitivity import run, Task
-from benchmark.scenes.rendered import room
-import cv2
-import numpy as np
-import pytest
-from qflsd_ros.core.detection import assembly, extension, grid, thresholds
+SOURCE = """
+A = 2.5         # px
+# All of these are chosen,
+# not tuned.
+# The first
+# of several.
+B, C = 1.5, math.sin(0.1)  # grey levels
+FIRST, SECOND = 0, 1
 
+# Columns of a row.
+X = 0
+SIZE = 6        # px
 
-def found(title: str) -> Constant:
-    """Return a constant by its name."""
-    return next(constant for constant in constants() if constant.title == title)
-
-
-@pytest.fixture
-def fresh() -> Iterator[Pool]:
-    """Give a process in which nothing is compiled yet."""
-    with multiprocessing.get_context('spawn').Pool(1) as pool:
-        yield pool
+TABLE = np.dtype([])
+small = 3
+D: dict[int, float] = {1: 4.0}
+E = A * math.sqrt(math.pi)
+"""
 
 
-def test_every_constant_that_is_left_out_exists() -> None:
-    """A constant that was renamed or removed must not stay in the list."""
-    everything = {constant.title for constant in constants(left_out=())}
-    listed = {title for titles in NOT_VARIED.values() for title in titles}
-    assert listed <= everything
-    assert everything - listed == {constant.title for constant in constants()}
+def test_constants_are_read_with_their_comments() -> None:
+    """Numbers of columns, arrays and names in small letters are left out."""
+    assert [constant[1:] for constant in constants_of(SOURCE, 'module')] == [
+        ('A', '2.5', 'px', 2),
+        ('B', '1.5', 'The first of several. grey levels', 7),
+        ('C', 'math.sin(0.1)', 'The first of several. grey levels', 7),
+        ('D', '{1: 4.0}', '', 16), ('E', 'A * math.sqrt(math.pi)', '', 17)]
 
 
-def test_names_are_unique() -> None:
-    """A title stands for one constant."""
-    titles = [constant.title for constant in constants()]
-    assert len(titles) == len(set(titles)) > 40
+def test_the_origin_of_all_constants_of_a_module() -> None:
+    """One sentence may state it for all."""
+    assert note(SOURCE) == 'All of these are chosen, not tuned.'
+    assert note('A = 1.5') == ''
 
 
-@pytest.mark.parametrize(('source', 'value'), [
-    ('2.0', 3.0), ('5', 8), ('(-4.0, 4.0)', (-6.0, 6.0)),
-    ('math.sin(math.radians(10.0))', math.sin(math.radians(15)))])
-def test_the_number_in_the_source_is_scaled(source: str, value: object) -> None:
-    """An angle is scaled, not its sine; whole numbers stay whole."""
-    scaled = Constant(grid.__name__, 'NAME', source).scaled(1.5)
-    assert scaled == pytest.approx(value) and type(scaled) is type(value)
-
-
-def test_derived_names_change_too(fresh: Pool) -> None:
-    """A name that is computed from a constant follows it."""
-    changed = fresh.apply(change, (found('thresholds.PIECES'), 1.3))
-    assert changed == {(thresholds.__name__, 'PIECES'), (thresholds.__name__, 'SMALLEST')}
-
-
-def test_importing_modules_change_too(fresh: Pool) -> None:
-    """A name that is imported from the module of the constant follows it."""
-    changed = fresh.apply(change, (found('extension.FARTHEST'), 1.3))
-    assert changed == {(extension.__name__, 'FARTHEST'), (assembly.__name__, 'FARTHEST')}
-
-
-def test_a_constant_is_varied_once(fresh: Pool, tmp_path: Path) -> None:
-    """The kernel is compiled with the new value, and from then on refuses another one."""
-    picture, path = room(0, -0.25, (120, 160)), tmp_path / 'room.png'
-    cv2.imwrite(str(path), picture.gray)
-    view = View('wide', path, picture.lines, np.zeros(len(picture.lines)), 'wide')
-    lower = Task(found('validation.SCATTER'), 0.3, [view])
-    usual = run(Task(None, 1.0, [view]))
-    assert fresh.apply(run, (lower,)).f_measure < usual.f_measure
-    with pytest.raises(RuntimeError, match='is compiled with the old'):
-        fresh.apply(run, (lower,))
+def test_every_constant_of_the_core_is_explained() -> None:
+    """A comment stands beside or above each; all parts of the core have constants."""
+    found = constants()
+    assert [constant.title for constant in found if not constant.comment] == []
+    assert {'attitude', 'detection', 'geometry', 'lens', 'tracking'} <= {
+        constant.module.split('.')[-2] for constant in found}

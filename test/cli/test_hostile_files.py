@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from qflsd_ros.cli import inputs
 from qflsd_ros.cli.detect import main
-from qflsd_ros.cli.film import Film
+from qflsd_ros.cli.output.film import Film
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import get_typestore, Stores
 
@@ -185,7 +185,7 @@ def test_a_bag_that_an_exception_cuts_short_is_not_there(
 def test_a_video_that_cannot_be_written_to_its_end(tmp_path: Path) -> None:
     path = tmp_path / 'film.mp4'
     code = ('import resource, time, numpy; from pathlib import Path\n'
-            'from qflsd_ros.cli.film import Film\n'
+            'from qflsd_ros.cli.output.film import Film\n'
             f'resource.setrlimit(resource.RLIMIT_FSIZE, ({SMALL}, {SMALL}))\n'
             f'with Film(Path({str(path)!r})) as film:\n'
             '    begin = time.monotonic()\n'

@@ -4,7 +4,8 @@ from __future__ import annotations
 from finding import project, samples
 import numpy as np
 from qflsd_ros.core import Arcs, Parameters
-from qflsd_ros.core.detection import edges, extension, gradients, noise, thresholds
+from qflsd_ros.core.detection import extension
+from qflsd_ros.core.detection.contours import edges, gradients, noise, thresholds
 
 ACROSS = 0.5        # least cosine of the angle between a gradient and what counts as across
 EPSILON = 1e-3      # grey levels, of rounding

@@ -34,7 +34,7 @@ def arc(place: tuple[float, float], angle: float, radius: float, length: float,
 
 def through(points: np.ndarray, max_curvature: float = ANY) -> circle.Circle:
     """Return the circle through the rows of (3, 2) points; its origin is the middle one."""
-    return circle.normalised(*circle.through(*points.ravel(), max_curvature))
+    return circle.normalised(*circle.through(*map(tuple, points), max_curvature))
 
 
 def fit(points: np.ndarray, weight: np.ndarray | None = None, residual: float = 0.0,
@@ -75,7 +75,7 @@ def test_the_image_of_a_line_through_two_points(lam, angle, away, half, share):
     straight = lens.undistort(np.array([start, end]))
     between = lens.distort(share * straight[0] + (1 - share) * straight[1])
     start, end, between = start - lens.origin, end - lens.origin, between - lens.origin
-    model = circle.normalised(*circle.image_of_line(*start, *end, lens.in_pixels[0]))
+    model = circle.normalised(*circle.image_of_line(tuple(start), tuple(end), lens.in_pixels[0]))
     assert np.isclose(model[1] ** 2 + model[2] ** 2 - 4 * model[0] * model[3], 1)
     for point in (start, end, between):
         assert abs(circle.distance(model, *point)) < 1e-6
@@ -125,7 +125,7 @@ def test_above_the_maximum_curvature_is_the_line_through_two(place, angle, radiu
 
 
 def test_outer_points_that_coincide_determine_nothing():
-    model, square = circle.through(3, 4, 8, 9, 3, 4, ANY)
+    model, square = circle.through((3, 4), (8, 9), (3, 4), ANY)
     assert not circle.value(model, 0, 0) ** 2 < square
 
 

@@ -53,6 +53,7 @@ DOUBT, NEAR_UP = 3.0, math.radians(15.0)
 # 1 + |lambda|.  Chosen so that errors are one deviation there; on a rendered room, where
 # nothing is shared, they are less.
 SHARED_FOCAL, SHARED_FOCAL_LENS = 0.04, 0.18
+# The same for up, chosen in the same way.
 SHARED_UP, SHARED_UP_LENS = math.radians(1.1), math.radians(2.4)
 
 

@@ -24,9 +24,9 @@ from qflsd_ros.core.attitude.great_circles import (
 from qflsd_ros.core.attitude.vanishing import NONE, TOGETHER
 from qflsd_ros.core.compilation import compiled, inlined, summed
 
-# Degrees of freedom of Student's distribution of an arc's angle; and its density at 0, over that
-# of any angle, 1 / pi, for a deviation of 1.
+# Degrees of freedom of Student's distribution of an arc's angle, whose tails are heavy; chosen, not tuned.
 NU = 1.5
+# Its density at 0, over that of any angle, 1 / pi, for a deviation of 1.
 PEAK = math.pi * math.gamma((NU + 1) / 2) / (math.sqrt(NU * math.pi) * math.gamma(NU / 2))
 # The state: the axes (rows of 3 x 3), ln f, lambda, mu, and the optical centre.
 LOG_FOCAL, LAMBDA, MU, CENTRE, STATE = 9, 10, 11, 12, 14

@@ -12,11 +12,11 @@ from qflsd_ros.core.arcs import (
     RMS, SCORE, START, SUPPORT)
 from qflsd_ros.core.compilation import compiled, inlined
 from qflsd_ros.core.detection import validation
-from qflsd_ros.core.detection.agreement import MAX_TURN
 from qflsd_ros.core.detection.extension import extended, FARTHEST
 from qflsd_ros.core.detection.frame import Frame, Limits
-from qflsd_ros.core.detection.joining import Joined
-from qflsd_ros.core.detection.pieces import Pieces
+from qflsd_ros.core.detection.joining.agreement import MAX_TURN
+from qflsd_ros.core.detection.joining.joining import Joined
+from qflsd_ros.core.detection.joining.pieces import Pieces
 from qflsd_ros.core.detection.region import is_open, Region, SAMPLED
 from qflsd_ros.core.detection.suppression import suppress
 
@@ -60,8 +60,8 @@ def _avoids_mask(rows: np.ndarray, arc: int, allowed: np.ndarray) -> bool:
     half = rows[arc, CURVATURE] * rows[arc, LENGTH] / 2
     steps = int(math.ceil(rows[arc, LENGTH] / SAMPLED))
     for i in range(steps + 1):
-        # A point that is the angle 2 p of 2 h along an arc is the chord from the start, turned by
-        # p - h and scaled by sin(p) / sin(h).
+        # The whole arc turns by 2 h (``half``).  Its part up to a turn of 2 p has a chord that is
+        # the whole chord, turned by p - h and scaled by sin(p) / sin(h).
         part = half * i / steps
         along = math.sin(part) / math.sin(half) if abs(half) > 1e-9 else i / steps
         c, s = along * math.cos(part - half), along * math.sin(part - half)
@@ -83,7 +83,7 @@ def is_inside(rows: np.ndarray, arc: int, region: Region) -> bool:
 
 @inlined
 def _extend(fits: np.ndarray, arc: int, frame: Frame, rows: np.ndarray) -> None:
-    """Extend both ends of an arc, unless that leads out of the image or into a mask."""
+    """Extend both ends of an arc where they stay in the image and off the mask."""
     if (rows[arc, LENGTH] + 2 * FARTHEST) * abs(rows[arc, CURVATURE]) > MAX_TURN:
         return
     start = (rows[arc, START], rows[arc, START + 1])
@@ -105,7 +105,7 @@ def _same_side(piece_fits: np.ndarray, piece: int, fits: np.ndarray, arc: int) -
 @inlined
 def _score(found: Candidates, arc: int, piece_fits: np.ndarray, support: np.ndarray,
            noise: float, tolerance: float) -> None:
-    """Write contrast and score, and as polarity the share of points where P grows, less others."""
+    """Write contrast, score and polarity: the share of points where P grows, less the others."""
     weight, aligned, steps, signs, samples, strong = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     rows = found.rows
     for k in range(found.begins[arc], found.begins[arc + 1]):
@@ -126,7 +126,7 @@ def _score(found: Candidates, arc: int, piece_fits: np.ndarray, support: np.ndar
 
 @compiled
 def _orient(found: Candidates, arc: int) -> None:
-    """Direct travel so that the brighter side is on the right (along x: where y points)."""
+    """Direct travel so that the brighter side is on the right, at larger y for travel along x."""
     rows, fits, members = found.rows, found.fits, found.members
     begin, end = found.begins[arc], found.begins[arc + 1]
     cx = rows[arc, END] - rows[arc, START]

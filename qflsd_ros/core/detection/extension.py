@@ -12,10 +12,11 @@ import numpy as np
 
 from qflsd_ros.core import circle
 from qflsd_ros.core.compilation import inlined
+from qflsd_ros.core.detection.contours.gradients import GAIN
 from qflsd_ros.core.detection.frame import Frame
-from qflsd_ros.core.detection.gradients import GAIN
 from qflsd_ros.core.detection.validation import NOISE_ALIGNED
 
+# All of these are chosen, not tuned, unless stated otherwise.
 FARTHEST = 10           # px of extension, at most: blurred edges lose as much at a corner
 TURNED = math.sin(math.radians(14.0))   # sine of the angle between gradient and normal, at most
 

@@ -24,6 +24,7 @@ from qflsd_ros.core.compilation import compiled, inlined
 from qflsd_ros.core.detection.frame import Limits
 from qflsd_ros.core.detection.spacing import place
 
+# All of these are chosen, not tuned, unless stated otherwise.
 # Radians by which an arc may turn, taking a point for each px: points are up to 1.41 px apart,
 # and the image of a line turns by less than pi.
 MAX_TURN = 2.2
@@ -59,13 +60,13 @@ def _model(points: np.ndarray, window: Span, limits: Limits) -> tuple[Model, flo
     middle = (begin + end) // 2
     if circle.is_known(limits.bend.lens):
         lens = limits.bend.lens
-        raw, square = circle.image_of_line(points[0, begin] - lens.x, points[1, begin] - lens.y,
-                                           points[0, end] - lens.x, points[1, end] - lens.y,
-                                           lens.lam)
+        raw, square = circle.image_of_line(
+            (points[0, begin] - lens.x, points[1, begin] - lens.y),
+            (points[0, end] - lens.x, points[1, end] - lens.y), lens.lam)
         return (raw, lens.x, lens.y), square
-    raw, square = circle.through(points[0, begin], points[1, begin], points[0, middle],
-                                 points[1, middle], points[0, end], points[1, end],
-                                 limits.bend.maximum)
+    raw, square = circle.through(
+        (points[0, begin], points[1, begin]), (points[0, middle], points[1, middle]),
+        (points[0, end], points[1, end]), limits.bend.maximum)
     return (raw, float(points[0, middle]), float(points[1, middle])), square
 
 
@@ -96,7 +97,7 @@ def _longest(points: np.ndarray, bounds: Span, span: int, limits: Limits) -> Spa
     """Return the longest run that a window of ``span`` points finds within bounds."""
     best_lo, best_hi = NO_RUN
     room = bounds[1] + 1 - bounds[0] - span
-    # At most half a span from one window to the next; no window in the middle.
+    # Windows begin half a span apart at most; their number is even: none lies in the middle.
     steps = 2 * room // span | 1
     for i in range(steps + 1):
         begin = bounds[0] + place(i, room, steps)
@@ -125,7 +126,7 @@ def _refit(points: np.ndarray, bounds: Span, run: Span, limits: Limits, fits: np
         if not circle.fit(points, (lo, hi), 0.0, limits.free_bend, fits, row):
             return NO_RUN
     chord = math.hypot(points[0, hi] - points[0, lo], points[1, hi] - points[1, lo])
-    # A run above the maximum curvature was fitted by a line, and is far from it.
+    # A line was fitted to a run above the maximum curvature; the run is far from that line.
     off = fits[row, circle.RSS] > limits.tolerance * limits.tolerance * fits[row, circle.COUNT]
     if hi - lo < 2 or hi - lo > CROWDED * chord or off:
         return NO_RUN

@@ -17,7 +17,7 @@ KNOWN_STD = 0.02
 class Frame(NamedTuple):
     """The gradients of one image, and its noise and contrast."""
 
-    dx: np.ndarray          # (H, W) int16 gradients, in units of 1 / edges.GAIN grey levels
+    dx: np.ndarray          # (H, W) int16 gradients, in units of 1 / gradients.GAIN grey levels
     dy: np.ndarray
     region: Region          # where arcs may be
     noise: float            # standard deviation of the gradients, grey levels
@@ -35,16 +35,16 @@ class Limits(NamedTuple):
     min_score: float
     min_distance: float     # px, between parallel arcs
     max_gap: float          # px, between two pieces of an arc
-    tolerance: float        # px, see Parameters
+    tolerance: float        # px, largest distance of an edge point from its arc
     bend: CurvatureLimits           # of arcs
-    free_bend: CurvatureLimits      # of pieces: whatever the lens is
+    free_bend: CurvatureLimits      # of pieces: the same without a lens
 
 
 def lens_prior(lens: DivisionModel | None) -> LensPrior:
     """Return a lens as the kernels use it; None is an unknown lens."""
     if lens is None:
         return UNKNOWN_LENS
-    # The same displacement in the image for any lambda.
+    # A change of lambda by this deviation displaces points by the same length at any lambda.
     std = KNOWN_STD * (1 - lens.lam / 3) ** 2
     return LensPrior(*lens.in_pixels, std / lens.half_diagonal ** 2)
 

@@ -27,12 +27,13 @@ from qflsd_ros.core.arcs import (
     TABLE)
 from qflsd_ros.core.circle import CurvatureLimits, FIT_SIZE
 from qflsd_ros.core.compilation import compiled, inlined, summed
-from qflsd_ros.core.detection import noise
 from qflsd_ros.core.detection.assembly import Found, is_inside, write_geometry
+from qflsd_ros.core.detection.contours import noise
 from qflsd_ros.core.detection.frame import Frame, Limits
 from qflsd_ros.core.detection.region import Region
 
-CORNER = 2.0            # total blurs that are left out at an end (see above)
+# All of these are chosen, not tuned, unless stated otherwise.
+CORNER = 2.0            # length that is left out at an end, in total blurs (see above)
 # Points at the ends are those of a corner if their rms distance is so many times that of the
 # others.  Without this limit one long line of 500 on photographs is lost.
 OFF = 1.7
@@ -52,7 +53,7 @@ class Blur(NamedTuple):
     """The noise of the gradients and the blur of the detector."""
 
     noise: float        # standard deviation of dx and dy, rounding included, grey levels
-    least: float        # standard deviation of the Gaussian d that the gradients amount to, px
+    least: float        # standard deviation of the Gaussian whose derivative the gradients are, px
 
 
 @inlined
@@ -93,10 +94,10 @@ def _blur_within(pixels: np.ndarray, first: int, last: int, frame: Frame,
 
 @inlined
 def _blur(pixels: np.ndarray, first: int, last: int, frame: Frame) -> float:
-    """Return the total blur of an edge, px, measured at about that distance from it."""
+    """Return the total blur of an edge, px, measured at a distance of about one blur from it."""
     blur = _blur_within(pixels, first, last, frame, 1)
     step = min(int(blur), FARTHEST)
-    # Noise makes its own maxima: close to them, wide edges appear sharp.
+    # Noise has maxima of its own, close to which a wide edge appears sharp.
     return _blur_within(pixels, first, last, frame, step) if step > 1 else blur
 
 
@@ -138,7 +139,7 @@ def _squares(points: np.ndarray, first: int, end: int, fits: np.ndarray) -> floa
 
 @inlined
 def _scatter(points: np.ndarray, span: tuple[int, int], fits: np.ndarray, block: int) -> float:
-    """Return the sum of squares of distances, summed in blocks, over the length of a block."""
+    """Return the sum over blocks of the squared sum of distances, divided by a block's length."""
     total = 0.0
     for begin in range(span[0], span[1] + 1, block):
         total += _sum(points, begin, min(begin + block, span[1] + 1), fits) ** 2
@@ -148,7 +149,7 @@ def _scatter(points: np.ndarray, span: tuple[int, int], fits: np.ndarray, block:
 @inlined
 def _variance(found: Found, arc: int, span: tuple[int, int], fits: np.ndarray, total: float,
               blur: Blur) -> float:
-    """Return the variance of a point, times the points between independent ones, px^2."""
+    """Return the variance of a point times the number of points that share an error, px^2."""
     rows = found.rows
     dense = min(1.0, rows[arc, SUPPORT] / rows[arc, LENGTH])
     together = math.sqrt(4 * math.pi) * blur.least * dense
@@ -198,12 +199,12 @@ def _refine_one(found: Found, arc: int, frame: Frame, blur: Blur, limits: Limits
     first, last = offsets[arc], offsets[arc + 1] - 1
     total = _blur(pixels, first, last, frame)
     inner = _inner(rows, arc, (first, last), total)
-    # All points have decided whether the arc is bent, those at its ends more than others.
+    # Whether the arc is bent was decided by all points, as its ends have the longest lever.
     significance = 0.0 if rows[arc, BENT] > 0 else np.inf
     bend = CurvatureLimits(significance, limits.bend.maximum, limits.bend.lens)
     fitted = circle.fit(points, inner, 0.0, bend, fits, 0)
     if not fitted:
-        # The arc stays as it is; only its standard deviations are needed.
+        # The arc keeps its place; this fit gives its standard deviations alone.
         bend = CurvatureLimits(significance, np.inf, limits.bend.lens)
         circle.fit(points, inner, 0.0, bend, fits, 0)
     variance = _variance(found, arc, inner, fits, total, blur)

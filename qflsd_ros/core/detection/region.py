@@ -11,7 +11,9 @@ from qflsd_ros.core.compilation import inlined
 
 # px around masked pixels in which gradients do not count: the usual blur and Sobel reach 3 px.
 MARGIN = 3
-SAMPLED = 0.5           # px between the points of an arc that are compared with a mask, at most
+# px between the points of an arc that are compared with a mask, at most: half a pixel, so that
+# hardly any masked pixel on the arc is missed; chosen, not tuned.
+SAMPLED = 0.5
 
 
 class Region(NamedTuple):
@@ -43,6 +45,13 @@ def _extent(lines: np.ndarray) -> tuple[int, int]:
     """Return the index of the first True, and the one after the last; 0, 0 without any."""
     wanted = np.flatnonzero(lines)
     return (int(wanted[0]), int(wanted[-1]) + 1) if len(wanted) else (0, 0)
+
+
+@inlined
+def transposed(where: Region) -> Region:
+    """Return a region of the transposed image."""
+    return Region(where.masked, where.allowed.T, where.seen.T, where.left, where.right, where.top,
+                  where.bottom)
 
 
 @inlined

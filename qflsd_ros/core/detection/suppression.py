@@ -19,6 +19,7 @@ from qflsd_ros.core import circle
 from qflsd_ros.core.arcs import CONTRAST, END, LENGTH, MIDDLE, START
 from qflsd_ros.core.compilation import compiled, inlined
 
+# All of these are chosen, not tuned, unless stated otherwise.
 PARALLEL = math.sin(math.radians(10.0))     # sine of the angle between parallel arcs, at most
 HIDDEN = 0.6        # share of an arc close to others from which on it is suppressed
 FAINT = 0.55        # contrast of a halo, as a share of the contrast of the arc, at most
@@ -102,7 +103,7 @@ def _is_hidden(rows: np.ndarray, fits: np.ndarray, arc: int, grid: Grid, distanc
 
 @compiled
 def _sides(distance: float) -> int:
-    """Return how many steps of at most a cell cover the reach across an arc."""
+    """Return the number of steps, each a cell at most, that cover the reach across an arc."""
     return max(1, math.ceil(2 * HALO * distance / CELL))
 
 
@@ -156,7 +157,7 @@ def suppress(rows: np.ndarray, fits: np.ndarray, shape: tuple[int, int], distanc
 
     """
     lengths, order = rows[:, LENGTH], np.flatnonzero(keep)
-    # Exactly the longest first: an arc then depends on longer arcs only.
+    # In exact order of length, so that an arc depends on longer arcs alone.
     order = order[np.argsort(-lengths[order], kind='stable')]
     heads = np.full([int(side / CELL) + 1 for side in shape], -1, np.int64)
     most = (_sides(distance) + 1) * int(ENTRIES / CELL * lengths[order].sum() + 2 * len(order))

@@ -28,9 +28,10 @@ import numpy as np
 
 from qflsd_ros.core import circle
 from qflsd_ros.core.compilation import compiled, inlined, summed
+from qflsd_ros.core.detection.contours.gradients import GAIN
 from qflsd_ros.core.detection.frame import Frame
-from qflsd_ros.core.detection.gradients import GAIN
 
+# All of these are chosen, not tuned, unless stated otherwise.
 SINE = math.sin(math.radians(11.25))    # of the angle of alignment: that of EDLines
 NOISE_ALIGNED = 1.5     # standard deviations of noise that are added to it
 # Probability of alignment by chance: its least value, since photographs separate best from texture

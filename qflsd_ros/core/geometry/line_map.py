@@ -31,7 +31,7 @@ STEADY, QUARTER = 0.4, 25.0
 # Images without a track after which it is removed unless it is confirmed: more than the 60 for
 # which the tracker keeps one that it has lost.
 PATIENCE = 90
-NOWHERE = -1
+NOWHERE = -1        # place of a track that the map does not hold
 
 
 class MappedLines(NamedTuple):

@@ -21,6 +21,7 @@ import numpy as np
 
 from qflsd_ros.core.lens.division import DivisionModel
 
+# All of these are chosen, not tuned, unless stated otherwise.
 # Radii at which the models are compared.  Both are smooth: between neighbours, .5 % of the image
 # apart, the difference is not much larger than at them (tested).
 RADII = 200

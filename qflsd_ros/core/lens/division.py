@@ -172,7 +172,7 @@ def rectified(arcs: Arcs, lens: DivisionModel) -> np.ndarray:
     middle = points.mean(axis=1)
     off = points - middle[:, None]
     (xx, yy), xy = (off ** 2).sum(axis=1).T, (off[..., 0] * off[..., 1]).sum(axis=1)
-    angle = np.arctan2(2 * xy, xx - yy) / 2     # of the line of least squares
+    angle = np.arctan2(2 * xy, xx - yy) / 2     # centre and direction of the line of least squares
     along = np.stack([np.cos(angle), np.sin(angle)], axis=-1)[:, None]
     ends = off[:, [0, -1]]
     return middle[:, None] + (ends * along).sum(axis=-1, keepdims=True) * along

@@ -43,6 +43,7 @@ from qflsd_ros.core.lens.division import DivisionModel
 from qflsd_ros.core.lens.observation import (
     COLUMNS, CURVATURE, informative, NOISE, NORMAL, observe, POINT, VARIANCE)
 
+# All of these are chosen, not tuned, unless stated otherwise.
 # Range of lambda: from a fisheye that sees more than 180 degrees to a strong pincushion.
 LOWEST, HIGHEST = -8.0, 0.6
 # Arcs that must agree, and their share of the informative arcs: two or three arcs agree by chance
@@ -54,7 +55,7 @@ MAX_STD = 0.0115
 # Share of arcs that are not images of straight edges; their curvatures are spread evenly over
 # -10 / 3 to 10 / 3, which is a radius of .3.
 OUTLIERS = 0.1
-OUTLIER_DENSITY = OUTLIERS / (2 * 10 / 3)
+OUTLIER_DENSITY = OUTLIERS / (2 * 10 / 3)   # of a curvature, half diagonals
 # Density of Student's distribution with 3 degrees of freedom at 0, times the share of inliers.
 STUDENT = (1 - OUTLIERS) * 2 / (math.pi * math.sqrt(3))
 # Deviation of lambda (times (1 - lambda / 3)^2) by which real lenses leave the division model

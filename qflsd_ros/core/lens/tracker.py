@@ -17,6 +17,7 @@ from qflsd_ros.core.averaging import Average, TINY
 from qflsd_ros.core.lens.estimation import estimate_from, LensEstimate
 from qflsd_ros.core.lens.observation import COLUMNS, informative, NORMAL, observe, POINT
 
+# All of these are chosen, not tuned, unless stated otherwise.
 # Evaluated frames after which a frame counts 1 / e: about a minute of video, since lenses seldom
 # change.
 MEMORY = 100
@@ -66,13 +67,13 @@ class LensTracker:
         self._forget((0, 0))
 
     def _forget(self, shape: tuple[int, int]) -> None:
-        """Begin anew, with frames of a shape."""
+        """Discard all that is known of the lens; the frames that follow have the given shape."""
         self._shape = shape
         self.estimate: LensEstimate | None = None
         self._frames = 0
-        self._contrary = 0          # successive outliers
+        self._contrary = 0          # number of successive outliers
         self._alone = False         # whether a single frame has determined the lens
-        # Observations of frames that have not.
+        # Observations of the frames that do not determine the lens by themselves.
         self._waiting = np.empty((0, COLUMNS))
         self._average = Average(3, MEMORY)      # of lambda and the centre's x and y
 

@@ -1,7 +1,7 @@
 """The frames of a camera that are due at a lower rate, by their stamps."""
 from __future__ import annotations
 
-NS = 10**9
+NS = 10**9         # nanoseconds in a second
 
 
 class Pace:

@@ -15,6 +15,7 @@ import numpy as np
 # are out of balance.  Younger ones fill free places only: many tracks end after few frames.
 # Chosen, not tuned: 15 instead changes the number of lines with 5 observations by 2 % at most.
 SETTLED = 5
+# Groups: steep and flat lines in each quarter of the image.
 ORIENTATIONS, QUARTERS = 2, 4
 
 

@@ -164,14 +164,14 @@ def _count(arc: curve.Curve) -> int:
 def _look(image: Frame, rows: np.ndarray, i: int, normals: Normals) -> int:
     """Find the edges along the normals of a track; return the number of normals in sight."""
     arc = curve.curve(rows, i)
-    least, signed = weakest(rows, i, image.noise), rows[i, POLARITY] > ONE_SIDED
+    wanted = weakest(rows, i, image.noise), rows[i, POLARITY] > ONE_SIDED
     n, count = 0, _count(arc)
     for j in range(count):
         s = (2 * j + 1) / count - 1
         x, y, nx, ny = curve.at(arc, s)
         if in_sight(image, x, y):
             normals.shares[n] = s
-            normals.counts[n] = edges_along(image, (x, y, nx, ny), REACH, least, signed,
+            normals.counts[n] = edges_along(image, (x, y, nx, ny), REACH, wanted,
                                             normals.found[n], normals.strength[n])
             n += 1
     return n

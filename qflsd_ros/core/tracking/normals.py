@@ -4,8 +4,8 @@ Edges along the normals of an arc (moving edges).
 P. Bouthemy, A maximum likelihood framework for determining moving edges, PAMI 1989.
 
 A normal is sampled along x or y, whichever is closer to it, at the centres of pixels, so that
-gradients need no interpolation.  The maximum is interpolated by :func:`detection.edges.locate`'s
-parabola.
+gradients need no interpolation.  The maximum is interpolated by the parabola of
+:func:`detection.contours.edges.locate`.
 """
 from __future__ import annotations
 
@@ -14,12 +14,15 @@ import math
 import numpy as np
 
 from qflsd_ros.core.compilation import inlined
+from qflsd_ros.core.detection.contours.gradients import GAIN
 from qflsd_ros.core.detection.frame import Frame
-from qflsd_ros.core.detection.gradients import GAIN
 
 # Largest tangent of the angle between the gradient at an edge and the normal; chosen, not tuned.
 TURNED = math.tan(math.radians(30.0))
 EDGES = 4               # edges kept on a normal, the closest to the arc; chosen, not tuned
+
+# Least gradient of an edge, grey levels, and whether its sign counts.
+Wanted = tuple[float, bool]
 
 
 @inlined
@@ -57,7 +60,7 @@ def _insert(found: np.ndarray, strength: np.ndarray, count: int, off: float,
 
 @inlined
 def edges_along(image: Frame, ray: tuple[float, float, float, float], reach: float,
-                least: float, signed: bool, found: np.ndarray, strength: np.ndarray) -> int:
+                wanted: Wanted, found: np.ndarray, strength: np.ndarray) -> int:
     """
     Find the edges along a normal.
 
@@ -69,10 +72,9 @@ def edges_along(image: Frame, ray: tuple[float, float, float, float], reach: flo
         A point, px, and the unit normal there.
     reach
         Length of the normal on either side, px.
-    least
-        Least gradient along the normal, grey levels.
-    signed
-        True: only edges whose brighter side is ahead along the normal count.
+    wanted
+        Least gradient along the normal, grey levels; and whether only edges count whose brighter
+        side is ahead along the normal.
     found, strength
         (EDGES,) float64, receive the distances of the edges along the normal, px, the closest
         first, and their gradients along it, grey levels.
@@ -82,7 +84,7 @@ def edges_along(image: Frame, ray: tuple[float, float, float, float], reach: flo
     Number of edges.
 
     """
-    x, y, nx, ny = ray
+    (x, y, nx, ny), (least, signed) = ray, wanted
     height, width = image.dx.shape
     across_x = abs(nx) >= abs(ny)
     if across_x:

@@ -34,7 +34,7 @@ class Slot(Generic[Item]):
             self._changed.notify_all()
 
     def __iter__(self) -> Iterator[Item]:
-        """Yield the items as they arrive."""
+        """Yield each item when it arrives; items that were replaced before are left out."""
         while True:
             with self._changed:
                 self._changed.wait_for(lambda: self._items or self._closed)

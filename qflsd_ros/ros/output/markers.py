@@ -77,7 +77,7 @@ def _spliced(marker: Marker, chords: np.ndarray, shades: np.ndarray) -> bytes:
     """
     tail = _tail()
     empty = serialize_message(MarkerArray(markers=[marker]))
-    head = empty[:len(empty) - len(tail) - 8]  # without the two lengths, which are 0 here
+    head = empty[:len(empty) - len(tail) - 8]  # without the lengths of points and colours, both 0
     length = np.array(len(shades), '<u4')
     padding = bytes(-(len(head) + length.nbytes - ENCAPSULATION) % 8)
     return b''.join([head, length.tobytes(), padding, chords.data, length.tobytes(), shades.data,

@@ -9,6 +9,7 @@ rays of its four corners suffice.
 from __future__ import annotations
 
 from math import sqrt
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,6 +20,35 @@ from qflsd_ros.sources.scene.solids import Surfaces
 TEXTURE_SIZE = 256      # texels; a power of two, so that indices wrap by a bit mask
 BLOCK = 8               # px; larger blocks would be crossed by edges more often
 BISECTIONS = 6          # halvings of a pixel's side: the error is at most 1 / 128 px
+
+Place = tuple[float, float]         # x, y, px
+Four = tuple[float, float, float, float]
+
+
+class View(NamedTuple):
+    """A scene as a camera sees it; the tables are those of :class:`Surfaces`."""
+
+    boxes: np.ndarray       # (B,) BOX, with the camera's position
+    faces: np.ndarray       # (6 B,) FACE
+    patches: np.ndarray     # (P,) PATCH
+    cells: np.ndarray       # (N,) CELL
+    texture: np.ndarray     # (TEXTURE_SIZE, TEXTURE_SIZE) float32
+    nearby: np.ndarray      # (rows, columns, B) int64: numbers of the boxes that a block may show
+    camera: tuple[float, ...]   # :meth:`Camera.numbers`
+
+
+class Corners(NamedTuple):
+    """What the corners of the pixels show; corner (0, 0) is the top left one of pixel (0, 0)."""
+
+    cells: np.ndarray       # (H + 1, W + 1) int32, numbers of cells
+    lights: np.ndarray      # (H + 1, W + 1) float32, factors of their colours
+
+
+class Crossings(NamedTuple):
+    """Where boundaries of cells cross the sides of pixels, as shares of a side."""
+
+    top: np.ndarray         # (H + 1, W + 1) float32, from the left; .5 where nothing crosses
+    left: np.ndarray        # the same, from the top
 
 
 @compiled
@@ -58,17 +88,16 @@ def _slab(eye: float, slope: float, half: float) -> tuple[float, float]:
 
 
 @inlined
-def _hit(boxes: np.ndarray, nearby: np.ndarray, camera: tuple[float, ...], x: float,
-         y: float) -> int:
+def _hit(view: View, x: float, y: float) -> int:
     """Return the number of the face that the image shows at x, y px."""
-    dx, dy, dz = ray(camera, x, y)
+    dx, dy, dz = ray(view.camera, x, y)
     row, column = int(y + 0.5) // BLOCK, int(x + 0.5) // BLOCK
     hit, nearest = 0, 1e30
-    for k in range(nearby.shape[2]):
-        b = nearby[row, column, k]
+    for k in range(view.nearby.shape[2]):
+        b = view.nearby[row, column, k]
         if b < 0:
             break
-        box = boxes[b]
+        box = view.boxes[b]
         near_x, far_x = _slab(box.eye_x, box.cos * dx + box.sin * dy, box.half_x)
         near_y, far_y = _slab(box.eye_y, box.cos * dy - box.sin * dx, box.half_y)
         near_z, far_z = _slab(box.eye_z, dz, box.half_z)
@@ -77,7 +106,7 @@ def _hit(boxes: np.ndarray, nearby: np.ndarray, camera: tuple[float, ...], x: fl
             nearest = far
         elif near < far and 0 < near < nearest:
             hit, nearest = b, near
-    box = boxes[hit]
+    box = view.boxes[hit]
     px = box.eye_x + nearest * (box.cos * dx + box.sin * dy)
     py = box.eye_y + nearest * (box.cos * dy - box.sin * dx)
     pz = box.eye_z + nearest * dz
@@ -91,12 +120,11 @@ def _hit(boxes: np.ndarray, nearby: np.ndarray, camera: tuple[float, ...], x: fl
 
 
 @inlined
-def _meet(boxes: np.ndarray, faces: np.ndarray, number: int, camera: tuple[float, ...], x: float,
-          y: float) -> tuple[float, float, float]:
+def _meet(view: View, number: int, x: float, y: float) -> tuple[float, float, float]:
     """Return u, v (m) of a face's plane at x, y px, and the distance along the ray."""
-    dx, dy, dz = ray(camera, x, y)
-    face = faces[number]
-    box = boxes[face.box]
+    dx, dy, dz = ray(view.camera, x, y)
+    face = view.faces[number]
+    box = view.boxes[face.box]
     dx, dy = box.cos * dx + box.sin * dy, box.cos * dy - box.sin * dx
     if face.axis == 0:
         distance = (face.level - box.eye_x) / dx
@@ -111,24 +139,23 @@ def _meet(boxes: np.ndarray, faces: np.ndarray, number: int, camera: tuple[float
 
 
 @inlined
-def _topmost(faces: np.ndarray, patches: np.ndarray, face: int, u: float,
-             v: float) -> tuple[int, int]:
+def _topmost(view: View, face: int, u: float, v: float) -> tuple[int, int]:
     """Return the number of the topmost patch at u, v of a face, and of its cell."""
-    first, number = faces[face].first, faces[face].last
+    first, number = view.faces[face].first, view.faces[face].last
     while number > first:
-        patch = patches[number]
+        patch = view.patches[number]
         i, j = (u - patch.u) * patch.per_u, (v - patch.v) * patch.per_v
         if 0 <= i < patch.cells_u and 0 <= j < patch.cells_v:
             return number, patch.cell + int(i) * patch.cells_v + int(j)
         number -= 1
-    return first, patches[first].cell
+    return first, view.patches[first].cell
 
 
 @inlined
-def _light(boxes: np.ndarray, faces: np.ndarray, number: int, u: float, v: float) -> float:
+def _light(view: View, number: int, u: float, v: float) -> float:
     """Return the light that falls on u, v of a face: ambient, from the lamp, less in corners."""
-    face = faces[number]
-    box = boxes[face.box]
+    face = view.faces[number]
+    box = view.boxes[face.box]
     if face.axis == 0:
         towards, x, y = box.lamp_x, box.lamp_y + box.half_y - u, box.lamp_z + box.half_z - v
     elif face.axis == 1:
@@ -145,10 +172,9 @@ def _light(boxes: np.ndarray, faces: np.ndarray, number: int, u: float, v: float
 
 
 @inlined
-def _look(patches: np.ndarray, texture: np.ndarray, number: int, u: float, v: float,
-          light: float) -> float:
+def _look(view: View, number: int, u: float, v: float, light: float) -> float:
     """Return the light that u, v of a patch reflects or emits, modulated by its texture."""
-    patch = patches[number]
+    patch, texture = view.patches[number], view.texture
     s, t = u * patch.grain_u + 37 * number + 4096, v * patch.grain_v + 4096
     i, j = int(s), int(t)
     s, t = s - i, t - j
@@ -160,47 +186,43 @@ def _look(patches: np.ndarray, texture: np.ndarray, number: int, u: float, v: fl
 
 
 @compiled
-def _cast_corners(boxes: np.ndarray, faces: np.ndarray, patches: np.ndarray, nearby: np.ndarray,
-                  camera: tuple[float, ...], texture: np.ndarray, busy: np.ndarray,
-                  cells: np.ndarray, lights: np.ndarray) -> None:
-    """Fill in cell and light of each pixel corner in the blocks that an edge may cross."""
-    for row in range(cells.shape[0]):
-        for column in range(cells.shape[1]):
+def _cast_corners(view: View, busy: np.ndarray, corners: Corners) -> None:
+    """Fill in the pixel corners in the blocks that an edge may cross: where ``busy`` is set."""
+    for row in range(corners.cells.shape[0]):
+        for column in range(corners.cells.shape[1]):
             if busy[row // BLOCK, column // BLOCK]:
                 x, y = column - 0.5, row - 0.5
-                face = _hit(boxes, nearby, camera, x, y)
-                u, v, _ = _meet(boxes, faces, face, camera, x, y)
-                number, cells[row, column] = _topmost(faces, patches, face, u, v)
-                light = _light(boxes, faces, face, u, v)
-                lights[row, column] = _look(patches, texture, number, u, v, light)
+                face = _hit(view, x, y)
+                u, v, _ = _meet(view, face, x, y)
+                number, corners.cells[row, column] = _topmost(view, face, u, v)
+                light = _light(view, face, u, v)
+                corners.lights[row, column] = _look(view, number, u, v, light)
 
 
 @compiled
-def _cast_blocks(boxes: np.ndarray, faces: np.ndarray, patches: np.ndarray, nearby: np.ndarray,
-                 camera: tuple[float, ...], texture: np.ndarray, busy: np.ndarray,
-                 cells: np.ndarray, lights: np.ndarray, place: np.ndarray) -> None:
+def _cast_blocks(view: View, busy: np.ndarray, corners: Corners, place: np.ndarray) -> None:
     """
-    Fill in cell and light of each pixel corner in the blocks that show one cell.
+    Fill in the pixel corners in the blocks that show one cell: where ``busy`` is not set.
 
     ``place`` is scratch memory, (4, 3) float64: u, v and light at the block's corners.
     """
-    for row in range(0, cells.shape[0], BLOCK):
-        for column in range(0, cells.shape[1], BLOCK):
+    for row in range(0, corners.cells.shape[0], BLOCK):
+        for column in range(0, corners.cells.shape[1], BLOCK):
             if busy[row // BLOCK, column // BLOCK]:
                 continue
-            face = _hit(boxes, nearby, camera, column - 0.5, row - 0.5)
+            face = _hit(view, column - 0.5, row - 0.5)
             for k in range(4):
-                u, v, _ = _meet(boxes, faces, face, camera, column - 0.5 + BLOCK * (k % 2),
+                u, v, _ = _meet(view, face, column - 0.5 + BLOCK * (k % 2),
                                 row - 0.5 + BLOCK * (k // 2))
-                place[k] = u, v, _light(boxes, faces, face, u, v)
-            number, cell = _topmost(faces, patches, face, place[0, 0], place[0, 1])
-            cells[row:row + BLOCK, column:column + BLOCK] = cell
-            _fill(patches, texture, number, place, lights[row:row + BLOCK, column:column + BLOCK])
+                place[k] = u, v, _light(view, face, u, v)
+            number, cell = _topmost(view, face, place[0, 0], place[0, 1])
+            corners.cells[row:row + BLOCK, column:column + BLOCK] = cell
+            _fill(view, number, place,
+                  corners.lights[row:row + BLOCK, column:column + BLOCK])
 
 
 @compiled
-def _fill(patches: np.ndarray, texture: np.ndarray, number: int, place: np.ndarray,
-          lights: np.ndarray) -> None:
+def _fill(view: View, number: int, place: np.ndarray, lights: np.ndarray) -> None:
     """Interpolate the light of a block that shows one patch from u, v and light at its corners."""
     for i in range(lights.shape[0]):
         share = i / BLOCK
@@ -211,41 +233,34 @@ def _fill(patches: np.ndarray, texture: np.ndarray, number: int, place: np.ndarr
         step_v = (place[1, 1] + share * (place[3, 1] - place[1, 1]) - v) / BLOCK
         step = (place[1, 2] + share * (place[3, 2] - place[1, 2]) - light) / BLOCK
         for j in range(lights.shape[1]):
-            lights[i, j] = _look(patches, texture, number, u + j * step_u, v + j * step_v,
-                                 light + j * step)
+            lights[i, j] = _look(view, number, u + j * step_u, v + j * step_v, light + j * step)
 
 
-@compiled
-def _within(boxes: np.ndarray, faces: np.ndarray, rectangles: np.ndarray,
-            camera: tuple[float, ...], cell: int, x: float, y: float) -> tuple[bool, float]:
+@inlined
+def _within(view: View, cell: int, x: float, y: float) -> tuple[bool, float]:
     """Return whether x, y px would show a cell if nothing hid it, and its plane's distance."""
-    rectangle = rectangles[cell]
-    u, v, distance = _meet(boxes, faces, rectangle.face, camera, x, y)
+    rectangle = view.cells[cell]
+    u, v, distance = _meet(view, rectangle.face, x, y)
     return (rectangle.low_u <= u <= rectangle.high_u and rectangle.low_v <= v <= rectangle.high_v
             and distance > 0), distance
 
 
-@compiled
-def _crossing(boxes: np.ndarray, faces: np.ndarray, rectangles: np.ndarray,
-              camera: tuple[float, ...], first: int, second: int, x: float, y: float,
-              along_x: float, along_y: float) -> float:
+@inlined
+def _crossing(view: View, first: int, second: int, start: Place, along: Place) -> float:
     """
-    Return where the boundary of two cells crosses the way from x, y px, as a share of the way.
+    Return where the boundary of two cells crosses a way, as a share of the way.
 
-    The way leads along (along_x, along_y) from the first cell to the second.
+    The way leads from ``start``, in the first cell, along the vector ``along`` to the second.
     """
-    on, far = _within(boxes, faces, rectangles, camera, first, x + along_x, y + along_y)
-    also, near = _within(boxes, faces, rectangles, camera, second, x, y)
+    x, y = start
+    on, far = _within(view, first, x + along[0], y + along[1])
+    also, near = _within(view, second, x, y)
     # The boundary is the border of the cell that ends there; if both do, of the one in front.
     owner, wanted = (first, True) if not on and (also or far < near) else (second, False)
-    rectangle = rectangles[owner]
     low, high = 0.0, 1.0
     for _ in range(BISECTIONS):
         share = (low + high) / 2
-        u, v, distance = _meet(boxes, faces, rectangle.face, camera, x + share * along_x,
-                               y + share * along_y)
-        inside = (rectangle.low_u <= u <= rectangle.high_u
-                  and rectangle.low_v <= v <= rectangle.high_v and distance > 0)
+        inside, _distance = _within(view, owner, x + share * along[0], y + share * along[1])
         if inside == wanted:
             low = share
         else:
@@ -254,30 +269,32 @@ def _crossing(boxes: np.ndarray, faces: np.ndarray, rectangles: np.ndarray,
 
 
 @compiled
-def _cross(boxes: np.ndarray, faces: np.ndarray, rectangles: np.ndarray, camera: tuple[float, ...],
-           cells: np.ndarray, top: np.ndarray, left: np.ndarray) -> None:
-    """Fill in the shares at which boundaries cross the top and the left side of each pixel."""
+def _cross(view: View, cells: np.ndarray, crossings: Crossings) -> None:
+    """Fill in where boundaries cross the top and the left side of each pixel."""
     rows, columns = cells.shape
     for row in range(rows):
         for column in range(columns):
-            x, y, cell = column - 0.5, row - 0.5, cells[row, column]
+            start, cell = (column - 0.5, row - 0.5), cells[row, column]
             if column + 1 < columns and cells[row, column + 1] != cell:
-                top[row, column] = _crossing(boxes, faces, rectangles, camera, cell,
-                                             cells[row, column + 1], x, y, 1.0, 0.0)
+                crossings.top[row, column] = _crossing(
+                    view, cell, cells[row, column + 1], start, (1.0, 0.0))
             if row + 1 < rows and cells[row + 1, column] != cell:
-                left[row, column] = _crossing(boxes, faces, rectangles, camera, cell,
-                                              cells[row + 1, column], x, y, 0.0, 1.0)
+                crossings.left[row, column] = _crossing(
+                    view, cell, cells[row + 1, column], start, (0.0, 1.0))
 
 
 @inlined
-def _shares(a: int, b: int, c: int, d: int, top: float, bottom: float, left: float,
-            right: float) -> tuple[float, float, float, float]:
+def _shares(cells: tuple[int, int, int, int], crossings: Four) -> Four:
     """
-    Return the shares of a pixel that belong to its corners, with the cells a b above c d.
+    Return the shares of a pixel that belong to its corners.
 
-    A corner owns the quadrilateral of itself, the crossings on its two sides, and the mean of all
-    crossings.  This is exact for a straight boundary, and an approximation where three cells meet.
+    ``cells`` are the corners' cells: top left, top right, bottom left, bottom right; ``crossings``
+    are the places where the boundary crosses the top, bottom, left and right side.  A corner owns
+    the quadrilateral of itself, the crossings on its two sides, and the mean of all crossings.
+    This is exact for a straight boundary, and an approximation where three cells meet.
     """
+    a, b, c, d = cells
+    top, bottom, left, right = crossings
     count, x, y = 0, 0.0, 0.0
     if a != b:
         count, x = count + 1, x + top
@@ -294,18 +311,20 @@ def _shares(a: int, b: int, c: int, d: int, top: float, bottom: float, left: flo
 
 
 @compiled
-def _mix(colours: np.ndarray, cells: np.ndarray, lights: np.ndarray, top: np.ndarray,
-         left: np.ndarray, noise: np.ndarray, image: np.ndarray) -> None:
+def _mix(colours: np.ndarray, corners: Corners, crossings: Crossings, noise: np.ndarray,
+         image: np.ndarray) -> None:
     """Compute the pixels from their corners, add noise and round."""
     height, width, channels = image.shape
+    cells, lights, top, left = corners.cells, corners.lights, crossings.top, crossings.left
     for row in range(height):
         for column in range(width):
             a, b = cells[row, column], cells[row, column + 1]
             c, d = cells[row + 1, column], cells[row + 1, column + 1]
             p, q, r, s = 0.25, 0.25, 0.25, 0.25
             if not (a == b and a == c and a == d):
-                p, q, r, s = _shares(a, b, c, d, top[row, column], top[row + 1, column],
-                                     left[row, column], left[row, column + 1])
+                p, q, r, s = _shares((a, b, c, d), (
+                    top[row, column], top[row + 1, column],
+                    left[row, column], left[row, column + 1]))
             p, q = p * lights[row, column], q * lights[row, column + 1]
             r, s = r * lights[row + 1, column], s * lights[row + 1, column + 1]
             for channel in range(channels):
@@ -342,7 +361,7 @@ def render(surfaces: Surfaces, lines: np.ndarray, camera: Camera,
 
     """
     height, width = camera.lens.shape
-    boxes, faces, patches, rectangles, _ = surfaces
+    boxes, faces, patches, cells, _ = surfaces
     x, y, z = map(float, camera.position)
     numbers = camera.numbers()
     blocks = height // BLOCK + 1, width // BLOCK + 1
@@ -350,12 +369,13 @@ def render(surfaces: Surfaces, lines: np.ndarray, camera: Camera,
     nearby, busy = np.full((*blocks, len(boxes)), -1), np.zeros(blocks, np.bool_)
     _nearby(boxes, numbers, BLOCK * most, nearby)
     near_edges(numbers, (x, y, z), lines, least * 3, BLOCK, busy)
-    cells = np.empty((height + 1, width + 1), np.int32)
     lights, top, left = np.full((3, height + 1, width + 1), 0.5, np.float32)
-    scene = boxes, faces, patches, nearby, numbers, texture, busy
-    _cast_corners(*scene, cells, lights)
-    _cast_blocks(*scene, cells, lights, np.empty((4, 3)))
-    _cross(boxes, faces, rectangles, numbers, cells, top, left)
+    view = View(boxes, faces, patches, cells, texture, nearby, numbers)
+    corners = Corners(np.empty((height + 1, width + 1), np.int32), lights)
+    crossings = Crossings(top, left)
+    _cast_corners(view, busy, corners)
+    _cast_blocks(view, busy, corners, np.empty((4, 3)))
+    _cross(view, corners.cells, crossings)
     image = np.empty(noise.shape, np.uint8)
-    _mix(colours, cells, lights, top, left, noise, image)
+    _mix(colours, corners, crossings, noise, image)
     return image

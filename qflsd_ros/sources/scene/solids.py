@@ -59,7 +59,7 @@ BOX = np.dtype([(name, np.float64) for name in (
     'lamp_x', 'lamp_y', 'lamp_z')])                 # the lamp in the box's axes, m
 FACE = np.dtype([
     ('size_u', np.float64), ('size_v', np.float64),     # m
-    ('box', np.int64), ('axis', np.int64),              # the normal's
+    ('box', np.int64), ('axis', np.int64),              # number of the box; axis of its normal
     ('level', np.float64),                              # where the face lies on that axis, m
     ('facing', np.float64),                             # -1 or 1, the visible side's direction
     ('ambient', np.float64),                            # light from all directions
@@ -67,7 +67,7 @@ FACE = np.dtype([
 PATCH = np.dtype([
     ('u', np.float64), ('v', np.float64),               # lowest corner, m
     ('per_u', np.float64), ('per_v', np.float64),       # cells/m
-    ('cells_u', np.int64), ('cells_v', np.int64), ('cell', np.int64),   # counts, the first
+    ('cells_u', np.int64), ('cells_v', np.int64), ('cell', np.int64),   # counts; first cell
     ('grain_u', np.float64), ('grain_v', np.float64), ('contrast', np.float64),
     ('glow', np.float64)])
 CELL = np.dtype([('face', np.int64)] + [(name, np.float64) for name in (

@@ -73,7 +73,7 @@ def _pieces(edge: Edge, boxes: Sequence[Box], camera: Camera) -> list[tuple[floa
 
 def _hidden(edge: Edge, box: Box, eye: np.ndarray) -> list[tuple[float, float]]:
     """
-    Return the interval of an edge's length that a box hides; an empty list if it hides nothing.
+    Return the interval of an edge that a box hides, as shares of its length; empty without one.
 
     In the coordinates s, w of the point ``eye + s (start - eye) + w (end - start)``, the triangle
     of eye and edge is (0, 0), (1, 0), (1, 1).  It is clipped to the box; the point s, w hides the

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 from qflsd_ros.core import Detector, DivisionModel, Parameters
-from qflsd_ros.core.detection import noise, thresholds
+from qflsd_ros.core.detection.contours import noise, thresholds
 from qflsd_ros.core.detection.region import MARGIN, region
 from rendering import half_plane, off_line, render
 from scenery import noise as texture

@@ -44,6 +44,7 @@ def identities(arcs) -> set[int]:
     return set(arcs.table['track'].tolist())
 
 
+@pytest.mark.slow
 def test_lines_keep_their_identity_their_place_and_their_direction():
     tracker, step = Tracker(), 4.0
     seen = [tracker.track(frame) for frame in frames(12, step=step)]

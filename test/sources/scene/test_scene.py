@@ -87,6 +87,7 @@ def test_source_begins_with_frame_0_each_time():
     assert frames[0].encoding == 'mono8' and frames[0].stamp is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('lam', [-0.7, -0.5, 0.0, 0.1, 0.5])
 def test_calibration_and_pose_describe_the_images(lam: float) -> None:
     """By both, the true 3-D edges are where the image shows their arcs."""

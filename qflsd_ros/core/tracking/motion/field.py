@@ -18,7 +18,7 @@ from qflsd_ros.core.compilation import compiled, inlined
 from qflsd_ros.core.tracking.motion.looks import Looks, nearest, NX, NY, WAS_X, WAS_Y, X, Y
 
 TERMS = 10              # of a cubic polynomial in x and y
-AFFINE, CUBIC = 6, 2 * TERMS
+AFFINE, CUBIC = 6, 2 * TERMS    # unknowns of an affine and of a cubic motion
 # Iterations: unknowns, and px from which on an edge has no weight; chosen, not tuned.
 STEPS = ((AFFINE, 7.0), (AFFINE, 4.0), (CUBIC, 3.0), (CUBIC, 1.5))
 # Prior standard deviation of the change from frame to frame of the terms of degree 0 to 3, px at

@@ -69,14 +69,13 @@ def look(image: Frame, before: np.ndarray, rows: np.ndarray, chosen: np.ndarray,
     each, reach = rays
     for i in chosen:
         then, now = curve.curve(before, i), curve.curve(rows, i)
-        least = weakest(rows, i, image.noise)
+        wanted = weakest(rows, i, image.noise), rows[i, POLARITY] > ONE_SIDED
         for j in range(each):
             share = (2 * j + 1) / each - 1
             x, y, nx, ny = curve.at(now, share)
             if not in_sight(image, x, y):
                 continue
-            looks.counts[n] = edges_along(image, (x, y, nx, ny), reach, least,
-                                          rows[i, POLARITY] > ONE_SIDED, looks.found[n],
+            looks.counts[n] = edges_along(image, (x, y, nx, ny), reach, wanted, looks.found[n],
                                           looks.strength)
             was_x, was_y, _, _ = curve.at(then, share)
             looks.places[n] = x, y, nx, ny, was_x, was_y

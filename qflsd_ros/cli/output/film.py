@@ -8,7 +8,7 @@ import time
 import cv2
 import numpy as np
 
-from qflsd_ros.cli.writing import private_room, publish
+from qflsd_ros.cli.output.writing import private_room, publish
 from qflsd_ros.sources.video import quiet_capture
 
 RATE = 30  # frames per second

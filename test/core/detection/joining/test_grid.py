@@ -4,7 +4,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
-from qflsd_ros.core.detection.grid import cell, gap_to, Grid, sort_ends
+from qflsd_ros.core.detection.joining.grid import cell, gap_to, Grid, sort_ends
 
 HEIGHT, WIDTH = 90, 130
 seeds, angles = st.integers(0, 999), st.floats(-np.pi, np.pi)

@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from qflsd_ros.core.compilation import compiled, inlined
-from qflsd_ros.core.detection.edges import offset_of, STRONG, VISITED
+from qflsd_ros.core.detection.contours.edges import offset_of, STRONG, VISITED
 
 # The 8 neighbours in order of their direction, from the x axis to the y axis and on.
 STEP_X = np.array([1, 1, 0, -1, -1, -1, 0, 1], np.int64)
@@ -161,10 +161,10 @@ def _best(image: EdgeMap, p: int, k: int, sign: int) -> int:
 
 @inlined
 def _is_best(image: EdgeMap, p: int, q: int, k: int, sign: int) -> bool:
-    """Return whether p, of which q is the best, is the best of q in direction k."""
+    """Return whether the best pixel to link q to in direction k is p, ahead or behind."""
     number, only = _only(image, q, k)
     if number == 1:
-        return only == p    # whose gradients are known to agree
+        return only == p    # both gradients agree: q is the best pixel for p
     best = _nearest(image, q, k, sign) if number > 1 else _beyond(image, q, k, sign)
     return best == p
 
@@ -188,8 +188,9 @@ def _follow(image: EdgeMap, p: int, sign: int, pixels: np.ndarray, n: int) -> in
 
 @inlined
 def _first(strong: np.uint64) -> int:
-    """Return the number (0 to 7) of the first strong pixel of eight, at least one of which is."""
-    # Of 2^(8 k + 1) the multiplication brings byte 7 - k, which is k, to the top.
+    """Return the number (0 to 7) of the first strong pixel of eight; one at least is strong."""
+    # Pixel k leaves bit 8 k + 1 alone.  Multiplication by that bit, shifted right by one, moves
+    # byte 7 - k of BYTE_NUMBERS, which is k, to the top.
     lowest = strong & (~strong + np.uint64(1))
     return int(((lowest >> np.uint64(1)) * BYTE_NUMBERS) >> np.uint64(56))
 

@@ -9,7 +9,7 @@ import time
 import cv2
 import numpy as np
 
-from qflsd_ros.cli.writing import private_room, write_whole
+from qflsd_ros.cli.output.writing import private_room, write_whole
 
 
 class Gallery:

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 import numpy as np
 import pytest
-from qflsd_ros.core.detection import thresholds
+from qflsd_ros.core.detection.contours import thresholds
 from rendering import half_plane, render
 
 

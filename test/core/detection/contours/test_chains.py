@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 import numpy as np
 import pytest
-from qflsd_ros.core.detection import chains, edges, gradients
-from qflsd_ros.core.detection.edges import STRONG, VISITED
+from qflsd_ros.core.detection.contours import chains, edges, gradients
+from qflsd_ros.core.detection.contours.edges import STRONG, VISITED
 
 LOW, HIGH = 4.0, 10.0       # grey levels
 images = arrays(np.uint8, st.tuples(st.integers(5, 25), st.integers(5, 25)),

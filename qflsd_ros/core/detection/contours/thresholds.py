@@ -11,10 +11,11 @@ from __future__ import annotations
 import numpy as np
 
 from qflsd_ros.core.compilation import compiled, inlined
-from qflsd_ros.core.detection.region import Region, region
+from qflsd_ros.core.detection.region import Region, region, transposed
 
-LINES = 12              # rows, and columns, that are sampled; chosen, not tuned
-PIECES = 16             # of a line, each with one steepest slope; chosen, not tuned
+# All of these are chosen, not tuned, unless stated otherwise.
+LINES = 12              # rows, and columns, that are sampled
+PIECES = 16             # of a line, each with one steepest slope
 SMALLEST = PIECES + 2   # px, of a side: a piece has one pixel at least
 STRONGEST = 0.03        # share of the pieces that cross a strong edge in most photographs
 USUAL = 110.0           # grey levels over 2 px, slope of the weakest of these
@@ -25,24 +26,23 @@ ABOVE_NOISE = 3.5       # contrast_high in standard deviations of the gradient n
 
 
 @inlined
-def _steepest(lines: np.ndarray, seen: np.ndarray, masked: bool, top: int, bottom: int, left: int,
-              right: int, slopes: np.ndarray, count: int) -> int:
+def _steepest(gray: np.ndarray, where: Region, slopes: np.ndarray, count: int) -> int:
     """
     Append the steepest slope of each piece of the sampled rows of a region.
 
-    A slope is the difference of two pixels at a distance of 2 px.  ``lines`` and ``seen`` are
-    (H, W) uint8 and bool, ``slopes`` (2 LINES PIECES,) float64, of which ``count`` are filled;
-    returns the new count.  Pieces that are masked everywhere are skipped.
+    A slope is the difference of two pixels at a distance of 2 px.  ``gray`` is (H, W) uint8,
+    ``slopes`` (2 LINES PIECES,) float64, of which ``count`` are filled; returns the new count.
+    Pieces that are masked everywhere are skipped.
     """
-    width = right - left - 2
+    first, width = where.left + 1, where.right - where.left - 2
     for i in range(LINES):
-        y = top + (2 * i + 1) * (bottom - top) // (2 * LINES)
+        y = where.top + (2 * i + 1) * (where.bottom - where.top) // (2 * LINES)
         for j in range(PIECES):
             steepest = np.int32(-1)
-            for x in range(left + 1 + j * width // PIECES, left + 1 + (j + 1) * width // PIECES):
-                if masked and not seen[y, x]:
+            for x in range(first + j * width // PIECES, first + (j + 1) * width // PIECES):
+                if where.masked and not where.seen[y, x]:
                     continue
-                slope = abs(np.int32(lines[y, x + 1]) - np.int32(lines[y, x - 1]))
+                slope = abs(np.int32(gray[y, x + 1]) - np.int32(gray[y, x - 1]))
                 steepest = max(steepest, slope)
             slopes[count] = steepest
             count += int(steepest >= 0)
@@ -52,9 +52,8 @@ def _steepest(lines: np.ndarray, seen: np.ndarray, masked: bool, top: int, botto
 @compiled
 def _slopes(gray: np.ndarray, where: Region, slopes: np.ndarray) -> int:
     """Write the steepest slopes along rows, then along columns; return their number."""
-    top, bottom, left, right = where.top, where.bottom, where.left, where.right
-    count = _steepest(gray, where.seen, where.masked, top, bottom, left, right, slopes, 0)
-    return _steepest(gray.T, where.seen.T, where.masked, left, right, top, bottom, slopes, count)
+    count = _steepest(gray, where, slopes, 0)
+    return _steepest(gray.T, transposed(where), slopes, count)
 
 
 def estimate(gray: np.ndarray, where: Region | None = None) -> float:

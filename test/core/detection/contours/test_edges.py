@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 import numpy as np
 import pytest
-from qflsd_ros.core.detection import edges, gradients
+from qflsd_ros.core.detection.contours import edges, gradients
 from rendering import disk, half_plane, off_circle, off_line, render
 
 SHAPE = (60, 70)

@@ -26,7 +26,7 @@ REACH = 1.6
 class Rows(NamedTuple):
     """Rows of an image of width W that :func:`_compute` works on: float32."""
 
-    ring: np.ndarray        # (3, W): the smoothed rows about the row in hand
+    ring: np.ndarray        # (3, W): the smoothed rows above, at and below the current row
     column: np.ndarray      # (W + 2 reach,): a row smoothed along y alone, continued at its ends
     sums: np.ndarray        # (W,): sums along y with the weights 1, 2, 1
     rises: np.ndarray       # (W,): differences along y
@@ -102,7 +102,7 @@ def _sobel_at_border(above: np.ndarray, here: np.ndarray, below: np.ndarray, dx:
 @compiled
 def _compute(gray: np.ndarray, kernel: np.ndarray, rows: Rows, dx: np.ndarray,
              dy: np.ndarray) -> None:
-    """Compute the gradients of an image, smoothed by a half of a kernel."""
+    """Compute the gradients of a smoothed image; ``kernel`` is the half of a symmetric kernel."""
     height = len(gray)
     ring, last = rows.ring, height - 1
     _smooth_row(gray, 0, kernel, rows.column, ring[0])

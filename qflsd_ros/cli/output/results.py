@@ -12,8 +12,8 @@ import cv2
 import numpy as np
 
 from qflsd_ros.cli.inputs import Picture
+from qflsd_ros.cli.output.writing import write_whole
 from qflsd_ros.cli.settings import Options
-from qflsd_ros.cli.writing import write_whole
 from qflsd_ros.core import Arcs, Attitude, DivisionModel, LensEstimate
 from qflsd_ros.ros.attitude import roll_and_pitch
 

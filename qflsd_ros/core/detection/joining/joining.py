@@ -15,14 +15,15 @@ import numpy as np
 from qflsd_ros.core import circle
 from qflsd_ros.core.circle import FIT_SIZE
 from qflsd_ros.core.compilation import compiled, inlined
-from qflsd_ros.core.detection.agreement import (
-    append, cost, evidence, flip_cost, Groups, needed, Trial, Workspace)
 from qflsd_ros.core.detection.frame import Frame, Limits
-from qflsd_ros.core.detection.grid import cell, gap_to, OVERLAP, sort_ends
-from qflsd_ros.core.detection.heap import Heap, ITEM, pop, push
+from qflsd_ros.core.detection.joining.agreement import (
+    append, cost, evidence, flip_cost, Groups, needed, Trial, Workspace)
+from qflsd_ros.core.detection.joining.grid import cell, gap_to, OVERLAP, sort_ends
+from qflsd_ros.core.detection.joining.heap import Heap, ITEM, pop, push
+from qflsd_ros.core.detection.joining.pieces import NODES, Pieces, RSS, SIZE
 from qflsd_ros.core.detection.order import longest_first
-from qflsd_ros.core.detection.pieces import NODES, Pieces, RSS, SIZE
 
+# All of these are chosen, not tuned, unless stated otherwise.
 GAP_SHARE = 0.7         # longest gap, of the sum of both lengths
 
 
@@ -43,7 +44,7 @@ class Memory:
                              np.empty((most, 2), np.int64), np.empty(most, np.int64),
                              np.empty((most, 3)), np.empty((most, FIT_SIZE)))
         self.trial = Trial(np.empty((3, NODES * most)), np.empty((1, FIT_SIZE)))
-        # Each end is once in the heap, and the outer ends of each joined arc again.
+        # The heap receives each end once, and both outer ends of each joined arc once more.
         self.heap = Heap(np.empty(4 * most), np.empty((4 * most, ITEM), np.int64),
                          np.zeros(1, np.int64))
         self.members, self.offsets = np.empty((most, 2), np.int64), np.empty(most + 1, np.int64)
@@ -93,7 +94,7 @@ def _partner(work: Workspace, e: int, limits: Limits) -> tuple[int, float]:
             other = groups.sums[groups.arc[f], SIZE]
             if gap > GAP_SHARE * (size + other) or (single and other > size):
                 continue
-            # Without the misfit, which costs the most time.
+            # The misfit, the rest of the cost, takes the most time and is left for the last.
             if gap + flip_cost(e, f) >= best_cost:
                 continue
             price = cost(work, e, f, gap, limits)
@@ -115,7 +116,7 @@ def _queue(work: Workspace, e: int, limits: Limits) -> None:
 
 @inlined
 def _merge(work: Workspace, e: int, f: int, stamp: int, limits: Limits) -> int:
-    """Join two outer ends; return the arc, which is the first one, with a new stamp."""
+    """Join the arcs of two outer ends; return the first arc, which has a new stamp and is both."""
     groups, trial = work.groups, work.trial
     a, b = groups.arc[e], groups.arc[f]
     n = append(work, f, False, append(work, e, True, 0))
@@ -136,7 +137,7 @@ def _merge(work: Workspace, e: int, f: int, stamp: int, limits: Limits) -> int:
 
 @inlined
 def _begin(work: Workspace, limits: Limits) -> None:
-    """Let each piece be an arc."""
+    """Make each piece an arc of its own."""
     pieces, groups, trial = work.pieces, work.groups, work.trial
     for i in range(len(pieces.sums)):
         for side in range(2):
@@ -146,7 +147,7 @@ def _begin(work: Workspace, limits: Limits) -> None:
         _copy(pieces.sums, i, groups.sums, i)
         _copy(pieces.fits, i, groups.fits, i)
         if circle.is_known(limits.bend.lens):
-            # As the lens bends it, unless its points are too far from that.
+            # The image of a line replaces the free fit where the points are close enough to it.
             n = append(work, 2 * i, False, 0)
             if (circle.fit(trial.nodes, (0, n - 1), groups.sums[i, RSS], limits.bend, trial.fit, 0)
                     and trial.fit[0, circle.RSS]

@@ -7,8 +7,9 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 from qflsd_ros.core import circle, DivisionModel
-from qflsd_ros.core.detection import extraction, joining, pieces
+from qflsd_ros.core.detection import extraction
 from qflsd_ros.core.detection.frame import curvature_limits, Frame, Limits
+from qflsd_ros.core.detection.joining import joining, pieces
 from qflsd_ros.core.detection.region import region
 from rendering import (
     both, disk, half_plane, off_circle, off_line, polygon, render, through_lens)

@@ -13,7 +13,8 @@ import numpy as np
 
 from qflsd_ros.core.compilation import compiled, inlined
 
-CELL = 16.0             # px, side of a cell: changes the time alone
+# All of these are chosen, not tuned, unless stated otherwise.
+CELL = 16.0             # px, side of a cell: influences the time alone
 COSINE = math.cos(math.radians(9.0))        # least, of the angle between the tangents at a gap
 OVERLAP = 4.0           # px by which two pieces may overlap
 ACROSS = 1.2            # px, largest distance of an end from the tangent at the other end
@@ -25,7 +26,7 @@ class Grid(NamedTuple):
 
     begins: np.ndarray      # (rows columns + 1,) int64: index in order of each cell's first end
     order: np.ndarray       # (M,) int64: the ends (2 piece + side), sorted by cell
-    places: np.ndarray      # (M, 4) float64: x, y and outward unit tangent of the ends, as sorted
+    places: np.ndarray      # (M, 4) float64: x, y and outward unit tangent of these ends
     columns: int
     rows: int
 
@@ -36,22 +37,33 @@ def cell(coordinate: float, cells: int) -> int:
     return min(max(int(coordinate / CELL), 0), cells - 1)
 
 
+@inlined
+def _cell_of(ends: np.ndarray, e: int, grid: Grid) -> int:
+    """Return the number of the cell that holds an end; cells are numbered row by row."""
+    return cell(ends[e, 1], grid.rows) * grid.columns + cell(ends[e, 0], grid.columns)
+
+
 @compiled
-def _sort(ends: np.ndarray, begins: np.ndarray, order: np.ndarray, places: np.ndarray,
-          columns: int, rows: int, filled: np.ndarray) -> None:
-    """Fill the arrays of a grid by a counting sort; ``begins`` is 0 before, ``filled`` scratch."""
-    for e in range(len(order)):
-        begins[cell(ends[e, 1], rows) * columns + cell(ends[e, 0], columns) + 1] += 1
-    for k in range(rows * columns):
+def _sort(ends: np.ndarray, grid: Grid, filled: np.ndarray) -> None:
+    """
+    Fill the arrays of a grid by a counting sort.
+
+    ``grid.begins`` is 0 before; ``filled`` is scratch of the same size: the next free place of
+    each cell in ``grid.order``.
+    """
+    begins = grid.begins
+    for e in range(len(grid.order)):
+        begins[_cell_of(ends, e, grid) + 1] += 1
+    for k in range(grid.rows * grid.columns):
         begins[k + 1] += begins[k]
         filled[k] = begins[k]
-    for e in range(len(order)):
-        at = cell(ends[e, 1], rows) * columns + cell(ends[e, 0], columns)
+    for e in range(len(grid.order)):
+        at = _cell_of(ends, e, grid)
         k = filled[at]
         filled[at] += 1
-        order[k] = e
+        grid.order[k] = e
         for column in range(4):
-            places[k, column] = ends[e, column]
+            grid.places[k, column] = ends[e, column]
 
 
 def sort_ends(ends: np.ndarray, order: np.ndarray, places: np.ndarray, height: int,
@@ -72,7 +84,7 @@ def sort_ends(ends: np.ndarray, order: np.ndarray, places: np.ndarray, height: i
     columns, rows = int(width / CELL) + 1, int(height / CELL) + 1
     begins, filled = np.zeros((2, columns * rows + 1), np.int64)
     grid = Grid(begins, order, places, columns, rows)
-    _sort(ends, *grid, filled)
+    _sort(ends, grid, filled)
     return grid
 
 
@@ -82,7 +94,8 @@ def gap_to(tip: tuple[float, float, float, float], grid: Grid, k: int, longest: 
     x, y, tx, ty = tip
     gx, gy = grid.places[k, 0] - x, grid.places[k, 1] - y
     along, across = gx * tx + gy * ty, gx * ty - gy * tx
-    # Without a branch until all is known: most ends fail, each for another reason.
+    # One branch for all tests, since most ends fail, each in another test: more branches would be
+    # mispredicted.
     within = (along >= -OVERLAP) & (along <= longest)
     beside = abs(across) <= ACROSS + ACROSS_SLOPE * abs(along)
     if within & beside & (tx * grid.places[k, 2] + ty * grid.places[k, 3] <= -COSINE):

@@ -13,12 +13,13 @@ import numpy as np
 
 from qflsd_ros.core import circle
 from qflsd_ros.core.compilation import compiled, inlined
+from qflsd_ros.core.detection.contours.gradients import GAIN
 from qflsd_ros.core.detection.frame import Frame, Limits
-from qflsd_ros.core.detection.gradients import GAIN
-from qflsd_ros.core.detection.grid import Grid
-from qflsd_ros.core.detection.heap import Heap
-from qflsd_ros.core.detection.pieces import COUNT, NODE_WEIGHT, NODES, Pieces, RSS, SIZE
+from qflsd_ros.core.detection.joining.grid import Grid
+from qflsd_ros.core.detection.joining.heap import Heap
+from qflsd_ros.core.detection.joining.pieces import COUNT, NODE_WEIGHT, NODES, Pieces, RSS, SIZE
 
+# All of these are chosen, not tuned, unless stated otherwise.
 # Largest rms distance of the shorter arc from the joined one: px, px per px of the longer arc,
 # since edges and lenses are not perfect, and standard deviations of the mean of its points.
 MISFIT, MISFIT_SHARE, MISFIT_BY_NOISE = 0.25, 0.004, 5.0
@@ -29,8 +30,8 @@ FLIP_COST = 30.0        # px of gap that weigh as much as a change of polarity
 ALIGNED = math.cos(math.radians(22.5))      # least cosine between gradient and normal in a gap
 FAINTEST = 1.0          # grey levels, least gradient that counts in a gap
 FREE = 8.0              # px, longest gap that needs no evidence
-FREE_SHARE = 0.2        # the same as a share of the shorter arc
-EVIDENCE_SLOPE = 0.3    # evidence needed per length of the shorter arc beyond that
+FREE_SHARE = 0.2        # longest such gap, as a share of the length of the shorter arc
+EVIDENCE_SLOPE = 0.3    # needed evidence per such share beyond FREE_SHARE
 EVIDENCE = 0.55         # evidence that suffices for any gap
 BOW = 0.25              # px, sagitta of real edges in space
 BENT = 3.0              # standard deviations of the curvature from the image of a line, at most
@@ -40,23 +41,23 @@ EASE = 0.75             # factor of the needed evidence for the image of a line
 class Groups(NamedTuple):
     """The arcs during joining, up to M, each a group of pieces; an end is 2 piece + side."""
 
-    mate: np.ndarray        # (2 M,) int64: the end that an end is joined to; itself if to none
+    mate: np.ndarray        # (2 M,) int64: the end that each end is joined to, or itself
     arc: np.ndarray         # (2 M,) int64: the arc of an outer end
     outer: np.ndarray       # (M, 2) int64: the two outer ends of an arc
-    stamp: np.ndarray       # (M,) int64: changes when the arc does
-    sums: np.ndarray        # (M, 3) float64: as in Pieces, and the gaps in its length
+    stamp: np.ndarray       # (M,) int64: a number that is new whenever the arc changes
+    sums: np.ndarray        # (M, 3) float64: Pieces.sums of the arc, gaps in its length
     fits: np.ndarray        # (M, FIT_SIZE) float64
 
 
 class Trial(NamedTuple):
-    """Memory for one pair of arcs."""
+    """Memory for the trial to join one pair of arcs."""
 
     nodes: np.ndarray       # (3, NODES M) float64: x, y and weight of the nodes, in order
     fit: np.ndarray         # (1, FIT_SIZE) float64
 
 
 class Workspace(NamedTuple):
-    """All that joining works on."""
+    """The arrays of :class:`Groups`, the pieces and the frame that joining works on."""
 
     pieces: Pieces
     grid: Grid

@@ -16,8 +16,8 @@ import numpy as np
 from qflsd_ros.core import circle
 from qflsd_ros.core.compilation import compiled, inlined
 
-NODES = 3
 COUNT, RSS, SIZE = range(3)     # columns of Pieces.sums, and of the same of an arc
+NODES = 3               # of a piece: Gauss-Legendre quadrature, exact for powers up to 5
 NODE_AT = np.array([-math.sqrt(0.6), 0.0, math.sqrt(0.6)])
 NODE_WEIGHT = np.array([5.0, 8.0, 5.0]) / 18.0
 

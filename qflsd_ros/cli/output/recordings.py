@@ -9,7 +9,7 @@ from typing import Iterator, NamedTuple
 
 import numpy as np
 from qflsd_ros.cli.inputs import Moment
-from qflsd_ros.cli.writing import publish
+from qflsd_ros.cli.output.writing import publish
 from qflsd_ros.records import DATATYPES
 from qflsd_ros.sources.frames import Report
 from rosbags.rosbag2 import StoragePlugin, Writer
@@ -85,7 +85,7 @@ class Recordings:
         self._failed: set[str] = set()
 
     def __enter__(self) -> Recordings:
-        """Return this."""
+        """Return the recordings."""
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:

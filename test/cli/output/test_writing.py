@@ -8,7 +8,7 @@ import subprocess
 import sys
 
 import pytest
-from qflsd_ros.cli.writing import private_room, publish, write_whole
+from qflsd_ros.cli.output.writing import private_room, publish, write_whole
 
 NAMES = 200
 
@@ -17,7 +17,7 @@ NAMES = 200
 WRITE_ALL = """
 import os, sys
 from pathlib import Path
-from qflsd_ros.cli.writing import private_room, write_whole
+from qflsd_ros.cli.output.writing import private_room, write_whole
 folder, run, names = Path(sys.argv[1]), *map(int, sys.argv[2:])
 os.getpid = lambda: 1
 with private_room(folder) as room:

@@ -7,11 +7,12 @@ non-maxima suppression method for edge detection with sub-pixel accuracy, INRIA 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from qflsd_ros.core.compilation import compiled, inlined
-from qflsd_ros.core.detection.gradients import GAIN
+from qflsd_ros.core.detection.contours.gradients import GAIN
 
 WEAK, STRONG, VISITED = 1, 2, 4     # edge pixels in the edge map; VISITED: part of a chain
 
@@ -30,13 +31,21 @@ def _magnitudes(gx: np.ndarray, gy: np.ndarray, magnitude: np.ndarray) -> None:
         magnitude[i] = _magnitude(gx[i], gy[i])
 
 
+class Rows(NamedTuple):
+    """The gradient's magnitudes in a row of the image and in those beside it, (W,) float32."""
+
+    above: np.ndarray
+    here: np.ndarray
+    below: np.ndarray
+
+
 @inlined
-def _thin(gx: np.ndarray, gy: np.ndarray, above: np.ndarray, here: np.ndarray, below: np.ndarray,
-          low: np.float32, high: np.float32, edges: np.ndarray) -> np.int32:
-    """Find the edge pixels of one row by its magnitudes and those beside it; return how many."""
+def _thin(gx: np.ndarray, gy: np.ndarray, rows: Rows, low: np.float32, high: np.float32,
+          edges: np.ndarray) -> np.int32:
+    """Find the edge pixels of the row ``rows.here``; return their number."""
     gx, gy, out = gx[1:-1], gy[1:-1], edges[1:-1]
-    up, down = above[1:-1], below[1:-1]
-    left, mid, right = here[:-2], here[1:-1], here[2:]
+    up, down = rows.above[1:-1], rows.below[1:-1]
+    left, mid, right = rows.here[:-2], rows.here[1:-1], rows.here[2:]
     found = np.int32(0)
     for i in range(len(out)):
         m, um, dm, ll, rr = mid[i], up[i], down[i], left[i], right[i]
@@ -85,8 +94,8 @@ def find(dx: np.ndarray, dy: np.ndarray, low: float, high: float, magnitudes: np
     count = 0
     for row in range(1, height - 1):
         _magnitudes(dx[row + 1], dy[row + 1], magnitudes[(row + 1) % 3])
-        found = _thin(dx[row], dy[row], magnitudes[(row - 1) % 3], magnitudes[row % 3],
-                      magnitudes[(row + 1) % 3], weak, strong, edges[row])
+        rows = Rows(magnitudes[(row - 1) % 3], magnitudes[row % 3], magnitudes[(row + 1) % 3])
+        found = _thin(dx[row], dy[row], rows, weak, strong, edges[row])
         count += int(found)
     return count
 
@@ -105,7 +114,7 @@ def offset_of(dx: np.ndarray, dy: np.ndarray, width: int,
     step = 1 if across_x else width
     a, b, c = (_magnitude(dx[at - step], dy[at - step]), _magnitude(dx[at], dy[at]),
                _magnitude(dx[at + step], dy[at + step]))
-    # Below 0, since a < b >= c.
+    # No division by 0, since a < b >= c.
     offset = np.float32(0.5) * (a - c) / (a - b + (c - b))
     zero = np.float32(0)
     return offset if across_x else zero, zero if across_x else offset

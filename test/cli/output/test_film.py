@@ -6,8 +6,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from qflsd_ros.cli import film
-from qflsd_ros.cli.film import Film
+from qflsd_ros.cli.output import film
+from qflsd_ros.cli.output.film import Film
 
 
 def flat(level: int, size: tuple[int, int] = (64, 48)) -> np.ndarray:

@@ -20,6 +20,7 @@ from qflsd_ros.core.compilation import compiled, inlined
 from qflsd_ros.core.detection.region import Region, region
 from qflsd_ros.core.detection.spacing import place
 
+# All of these are chosen, not tuned, unless stated otherwise.
 HEIGHT, WIDTH = 8, 8    # px, of a block
 ROWS, COLUMNS = 14, 14  # of blocks
 FLATTEST = 0.1          # share of the blocks that show noise alone, without texture
@@ -39,7 +40,7 @@ SOBEL_BLUR = 0.42       # px^2, variance of the Gaussian whose derivative is abo
 
 @inlined
 def _response(gray: np.ndarray, top: int, left: int) -> tuple[np.int32, np.int32, bool]:
-    """Return a block's sum of absolute responses, its responses of 0, and if it is saturated."""
+    """Return a block's sum of absolute responses, its number of 0s, and if it is saturated."""
     total, still, darkest, brightest = np.int32(0), np.int32(0), np.int32(255), np.int32(0)
     for y in range(top, top + HEIGHT):
         above, here, below = gray[y - 1], gray[y], gray[y + 1]
@@ -68,7 +69,7 @@ def _is_masked(allowed: np.ndarray, top: int, left: int) -> bool:
 @compiled
 def _responses(gray: np.ndarray, where: Region, responses: np.ndarray) -> tuple[int, int, int]:
     """
-    Write the mean absolute response of each block of a region that has one and is not saturated.
+    Write the mean absolute response of the blocks of a region that respond and are not saturated.
 
     ``gray`` is (H, W) uint8, ``responses`` (ROWS COLUMNS,) float64; the region is at least 2 px
     larger than a block.  Returns the number of responses written, the number of these blocks in
@@ -133,7 +134,7 @@ def estimate(gray: np.ndarray, where: Region | None = None) -> float:
     responses = np.zeros(ROWS * COLUMNS)
     count, busy, silent = _responses(gray, where, responses)
     if busy < NOISY * (count + silent):
-        count += silent     # whose responses are the zeros behind the others
+        count += silent     # the zeros behind the others are the responses of these
     if count == 0:
         return 0.0
     place = int(FLATTEST * count)

@@ -1,0 +1,1 @@
+"""Step 1: from a grey image to chains of edge points."""

@@ -1,0 +1,1 @@
+"""One arc from several pieces."""
