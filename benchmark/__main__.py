@@ -14,7 +14,7 @@ from benchmark.experiment import Effort, Experiment, QUICK
 from benchmark.experiments import (
     ablation, accuracy, attitude, cameras, degraded, exactness, false_alarms, growth, lens,
     line_features, mapping, memory, node, overhead, paper_tables, plates, repeatability,
-    robustness, sameness, sensitivity, speed, stages)
+    robustness, sameness, sensitivity, speed, stages, tracks)
 from benchmark.scenes.rendered import write
 from tqdm import tqdm
 
@@ -25,7 +25,8 @@ EXPERIMENTS: dict[str, Callable[[Experiment], str]] = {
     'degraded': degraded.measure, 'robustness': robustness.measure,
     'exactness': exactness.measure, 'false_alarms': false_alarms.measure, 'lens': lens.measure,
     'attitude': attitude.measure,
-    'repeatability': repeatability.measure, 'line_features': line_features.measure,
+    'repeatability': repeatability.measure, 'tracks': tracks.measure,
+    'line_features': line_features.measure,
     'sameness': sameness.measure, 'speed': speed.measure, 'growth': growth.measure,
     'stages': stages.measure, 'node': node.measure,
     'overhead': overhead.measure, 'memory': memory.measure, 'cameras': cameras.measure,

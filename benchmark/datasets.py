@@ -44,6 +44,9 @@ class View:
         (lines,) float64 px, the largest distance of each line from its chord.
     lens
         The kind of lens: ``regular``, ``wide`` or ``fisheye``.
+    lam
+        Lambda of the lens by the division model, 0 if it keeps lines straight; None by any other
+        model.
 
     """
 
@@ -52,6 +55,7 @@ class View:
     lines: list[np.ndarray]
     sagitta: np.ndarray
     lens: Lens
+    lam: float | None = 0.0
 
     @property
     def name(self) -> str:
@@ -162,7 +166,8 @@ def _view(folder: Path, entry: dict[str, Any]) -> View:
             lines = [np.array(line['points'], float) for line in content['polylines']]
             sagitta = np.array([line['sagitta'] for line in content['polylines']], float)
             model = content['model']
-        return View(entry['level'], folder / entry['image'], lines, sagitta, lens_of(model))
+        lam = 0.0 if model is None else model.get('lam')
+        return View(entry['level'], folder / entry['image'], lines, sagitta, lens_of(model), lam)
     except (KeyError, TypeError, ValueError) as error:
         raise DatasetError(f'{path}: is not an annotation: {error!r}') from error
 

@@ -23,8 +23,8 @@ def test_one_command_writes_the_report(tmp_path: Path, monkeypatch: pytest.Monke
     text = (output / 'RESULTS.md').read_text()
     for title in ('Conditions', 'Table 1', 'Table 2', 'Figures 3 and 4', 'Accuracy',
                   'What each step brings', 'Degraded copies', 'Robustness', 'Exactness',
-                  'False alarms', 'The lens', 'Attitude', 'Repeatability', 'Line features',
-                  'Sameness', 'Speed', 'Growth', 'Cost of each stage', 'The node',
+                  'False alarms', 'The lens', 'Attitude', 'Repeatability', 'Tracks',
+                  'Line features', 'Sameness', 'Speed', 'Growth', 'Cost of each stage', 'The node',
                   'Overhead of the node', 'Memory'):
         assert f'\n## {title}' in text
     assert f'| {peers.TITLES[peers.OURS]} | 0.' in quote.summary(text)

@@ -24,7 +24,8 @@ from qflsd_ros.core.attitude.great_circles import (
 from qflsd_ros.core.attitude.vanishing import NONE, TOGETHER
 from qflsd_ros.core.compilation import compiled, inlined, summed
 
-# Degrees of freedom of Student's distribution of an arc's angle, whose tails are heavy; chosen, not tuned.
+# Degrees of freedom of Student's distribution of an arc's angle, whose tails are heavy; chosen,
+# not tuned.
 NU = 1.5
 # Its density at 0, over that of any angle, 1 / pi, for a deviation of 1.
 PEAK = math.pi * math.gamma((NU + 1) / 2) / (math.sqrt(NU * math.pi) * math.gamma(NU / 2))

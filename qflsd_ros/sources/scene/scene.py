@@ -87,7 +87,9 @@ class Scene:
         """
         Return the exact arcs of all visible pieces of edges that are at least 1 px long.
 
-        An arc with a low ``contrast`` in its table separates surfaces of nearly the same shade.
+        An arc with a low ``contrast`` in its table separates surfaces of nearly the same shade;
+        its ``track`` is the number of its edge, from 1, in all frames: row ``track - 1`` of
+        :attr:`edges`.
         """
         clean = self._render(number, np.zeros((*self.lens.shape, 1), np.float32))
         return visible_arcs(self._edges, self._boxes, self._camera(number), clean[..., 0])

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from qflsd_ros.core.arcs import Arcs, TABLE
+from qflsd_ros.core.arcs import Arcs, TRACKED_TABLE
 from qflsd_ros.sources.scene.optics import Camera, FOCAL
 from qflsd_ros.sources.scene.solids import Box, Edge, front_faces
 
@@ -32,13 +32,15 @@ def visible_arcs(edges: Sequence[Edge], boxes: Sequence[Box], camera: Camera,
     -------
     arcs
         Columns that only a detection has (as ``rms``) are 0, and the arcs have no edge points.
+        The column ``track`` is the number of the edge, from 1: all its pieces have the same.
 
     """
     front = front_faces(boxes, camera.position)
-    rows = [_arc(edge, camera, *piece) for edge in edges
+    rows = [_arc(edge, track, camera, *piece) for track, edge in enumerate(edges, 1)
             if any(front[edge.box, face] for face in edge.faces)
             for piece in _pieces(edge, boxes, camera)]
-    table = np.array([row for row in rows if row['length'] >= SHORTEST], TABLE)
+    table = np.array([row for row in rows if row['length'] >= SHORTEST],
+                     TRACKED_TABLE)
     offsets = np.zeros(len(table) + 1, np.int64)
     arcs = Arcs(table, np.zeros((0, 2)), np.zeros((0, 2), np.int32), offsets)
     for row, line in zip(table, arcs.polylines(0.01)):
@@ -143,7 +145,7 @@ def _roots(a: float, b: float, c: float) -> list[float]:
     return [x / y for x, y in ((half, a), (c, half)) if y != 0]
 
 
-def _arc(edge: Edge, camera: Camera, low: float, high: float) -> np.ndarray:
+def _arc(edge: Edge, track: int, camera: Camera, low: float, high: float) -> np.ndarray:
     """Return the row of the table for the piece of an edge between two shares of its length."""
     shares = np.array([low, low + 0.01 * (high - low), high])
     start, soon, end = camera.project(edge.start + shares[:, None] * (edge.end - edge.start))
@@ -155,7 +157,8 @@ def _arc(edge: Edge, camera: Camera, low: float, high: float) -> np.ndarray:
     chord = end - start
     across = np.array([-chord[1], chord[0]])
     half = -np.arctan2(direction * tangent @ across, direction * tangent @ chord)
-    row = np.zeros((), TABLE)
+    row = np.zeros((), TRACKED_TABLE)
+    row['track'] = track
     row['start'], row['end'] = start, end
     row['middle'] = (start + end) / 2 - across / 2 * np.tan(half / 2)
     row['curvature'] = direction * 2 * a / camera.lens.half_diagonal
