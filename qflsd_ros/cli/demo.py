@@ -21,6 +21,7 @@ from qflsd_ros.cli.observer import Counts, Observer, Show
 from qflsd_ros.cli.output.film import Film
 from qflsd_ros.cli.output.gallery import Gallery
 from qflsd_ros.cli.processes import ProcessError, Processes
+from qflsd_ros.core.geometry import triangulation
 from qflsd_ros.sources import Scene
 from qflsd_ros.sources.files import IMAGE_SUFFIXES
 from qflsd_ros.sources.sequence import DESCRIPTION
@@ -156,6 +157,8 @@ def watch(executor: Executor, observer: Observer, processes: Processes, seconds:
 def run(arguments: argparse.Namespace, check: Callable[[], None]) -> None:
     """Run camera, detector and observer, and print the results; ``check`` is called often."""
     interval = 0.0 if shows_stills(arguments.input) else 1.0
+    if arguments.map:
+        triangulation.warm_up()     # else the mapper compiles while the first lines come
     with ExitStack() as stack:
         gallery = stack.enter_context(Gallery(arguments.output, interval))
         shows: list[Show] = [gallery.show]

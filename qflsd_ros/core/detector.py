@@ -95,7 +95,7 @@ class Detector:
         self.frame = None
         if min(gray.shape) < SMALLEST_IMAGE:
             return Arcs.empty()
-        gray = np.ascontiguousarray(gray)
+        gray = _read_only(gray)
         if self.parameters.method == 'paper':
             if mask is not None:
                 raise ValueError('mask is given: method paper has none, leave it out or use arcs')
@@ -117,7 +117,7 @@ class Detector:
             raise ValueError(f'image has shape {gray.shape}: must be that of the last image, '
                              f'{None if self.frame is None else self.frame.dx.shape}')
         memory = self._memory
-        gradients.compute(np.ascontiguousarray(gray), self.frame.blur, memory.dx, memory.dy)
+        gradients.compute(_read_only(gray), self.frame.blur, memory.dx, memory.dy)
         self.frame = self.frame._replace(region=memory.region(mask))
 
     def _detect(self, gray: np.ndarray, region: Region, lens: DivisionModel | None) -> Arcs:
@@ -195,6 +195,17 @@ class Detector:
         picture of a straight edge cannot be bent more, whatever lies in the image.
         """
         return 1 / (self.parameters.min_radius * math.hypot(*self._memory.shape) / 2)
+
+
+def _read_only(gray: np.ndarray) -> np.ndarray:
+    """
+    Return a view of an image in C order that cannot be written.
+
+    Kernels are compiled for one type of array: that of a message or a bag is read-only.
+    """
+    view = np.ascontiguousarray(gray).view()
+    view.flags.writeable = False
+    return view
 
 
 def _check(gray: np.ndarray, mask: np.ndarray | None, lens: DivisionModel | None) -> None:

@@ -150,7 +150,8 @@ def test_a_disk_too_full_for_a_bag(tmp_path: Path) -> None:
     """The files of each picture are there, the bag that could not be finished is not."""
     bag = write_bag(tmp_path / 'drive', 40)
     output = tmp_path / 'out'
-    code = ('import resource, sys; from qflsd_ros.cli import detect, results\n'
+    code = ('import resource, sys\n'
+            'from qflsd_ros.cli import detect; from qflsd_ros.cli.output import results\n'
             'results.write = lambda *_: None\n'  # the bag alone is to be too large
             f'resource.setrlimit(resource.RLIMIT_FSIZE, ({SMALL}, {SMALL}))\n'
             f'sys.exit(detect.main([{str(bag)!r}, "--output", {str(output)!r}]))')
@@ -173,7 +174,7 @@ def test_a_bag_that_an_exception_cuts_short_is_not_there(
         if len(seen) == 3:
             os.kill(os.getpid(), signal.SIGINT)
 
-    monkeypatch.setattr('qflsd_ros.cli.results.write', interrupt)
+    monkeypatch.setattr('qflsd_ros.cli.output.results.write', interrupt)
     try:
         assert main([str(bag), '--output', str(tmp_path / 'out')]) == 130
     finally:

@@ -258,6 +258,7 @@ before, tracker, lens = signatures(), Tracker(), LensTracker()
 model, mask = DivisionModel(-0.2, frames(1)[0].shape), np.ones(frames(1)[0].shape, bool)
 mask[:, :40] = False
 for number, frame in enumerate([*frames(8), 0 * frames(1)[0]]):
+    frame.flags.writeable = number < 4      # that of a message or a bag cannot be written
     arcs = tracker.track(frame, mask if number % 2 else None, model if number > 3 else None)
     with_straightness(arcs, model)
     lens.add(arcs, frame.shape)
