@@ -59,6 +59,7 @@ def test_further_horizontal_directions():
     assert np.mean(found.labels[120:] == 3) > 0.8
 
 
+@pytest.mark.slow
 def test_deviations_are_honest():
     focal_z, up_z = [], []
     for seed in range(60):

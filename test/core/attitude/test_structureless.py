@@ -100,6 +100,7 @@ def attitude(drawing: np.ndarray, random: np.random.Generator) -> Attitude | Non
     return estimate_attitude(arcs, SHAPE, estimate_distortion([arcs], SHAPE))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('seed', range(4))
 @pytest.mark.parametrize('draw', [curved_things, face, forest])
 def test_nothing_is_known_where_no_edges_are_orthogonal(

@@ -27,6 +27,7 @@ def world(found, view: np.ndarray) -> np.ndarray:
     return found.directions[:3] @ view.T
 
 
+@pytest.mark.slow
 def test_axes_keep_order_and_sign_over_a_whole_turn():
     tracker, first = AttitudeTracker(), None
     for step in range(90):
@@ -82,6 +83,7 @@ def test_after_a_long_gap_up_comes_from_the_hint():
     assert angle(found.up, -turned(0.6, 0.1, 0.0)[1]) < 3
 
 
+@pytest.mark.slow
 def test_one_scene_counts_once_and_others_average():
     still, moving = AttitudeTracker(), AttitudeTracker()
     for step in range(40):
@@ -115,6 +117,7 @@ def test_the_hint_needs_a_direction():
         AttitudeTracker((0.0, 0.0, 0.0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('lam', [-0.3, -0.6, -0.9])
 def test_the_rendered_room(lam):
     """A camera that turns by 27 degrees in 3 s."""

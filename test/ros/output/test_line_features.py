@@ -221,6 +221,7 @@ def test_directions_are_those_of_the_attitude() -> None:
         of_track[int(track)] for track in message.channels[5].values]
 
 
+@pytest.mark.slow
 def test_an_image_without_arcs_gives_an_empty_message_in_the_same_layout() -> None:
     result = walk(0.0).results[0]
     table = np.zeros(0, result.arcs.table.dtype)
