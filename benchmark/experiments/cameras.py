@@ -12,13 +12,11 @@ from typing import NamedTuple
 
 from benchmark.experiment import Experiment
 from benchmark.experiments.memory import KILOBYTE
-from benchmark.experiments.node import LAM, message, PATIENCE
-from benchmark.report import number, ROOT, section, table
+from benchmark.experiments.node import LAM, message, own_domain, PATIENCE
+from benchmark.report import number, section, table
 from benchmark.scenes.rendered import room
 import numpy as np
-from qflsd_ros.cli.demo import free_domain
 from qflsd_ros.cli.processes import Processes
-import rclpy
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -95,22 +93,14 @@ class Cameras(Node):
 @contextmanager
 def cameras(commands: dict[str, Sequence[str]], images: list[Image]) -> Iterator[Cameras]:
     """Run the processes of a layout; yield their cameras when all detectors answer."""
-    domain = free_domain()
-    os.environ.update(ROS_DOMAIN_ID=str(domain), ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST')
-    os.environ.setdefault('FASTRTPS_DEFAULT_PROFILES_FILE', str(ROOT / 'config' / 'fastdds.xml'))
-    context = Context()
-    rclpy.init(args=[], context=context, domain_id=domain)
-    try:
-        with Processes(commands) as processes:
-            node = Cameras(context, images)
-            end = time.monotonic() + PATIENCE
-            while processes.running() and len(node.seen) < len(SIDES):
-                if time.monotonic() > end:
-                    raise TimeoutError(f'not all cameras have answered for {PATIENCE:g} s')
-                node.play(1.0)
-            yield node
-    finally:
-        rclpy.try_shutdown(context=context)
+    with own_domain() as context, Processes(commands) as processes:
+        node = Cameras(context, images)
+        end = time.monotonic() + PATIENCE
+        while processes.running() and len(node.seen) < len(SIDES):
+            if time.monotonic() > end:
+                raise TimeoutError(f'not all cameras have answered for {PATIENCE:g} s')
+            node.play(1.0)
+        yield node
 
 
 def figures(commands: dict[str, Sequence[str]], images: list[Image], seconds: float) -> Figures:

@@ -19,6 +19,7 @@ from qflsd_ros.core.geometry import triangulation
 from qflsd_ros.core.geometry.line_map import LineMap, MappedLines, VIEWS
 from qflsd_ros.core.geometry.lines import Lines
 from qflsd_ros.core.geometry.stereo import in_epipolar_planes, match, Sight
+from qflsd_ros.core.geometry.views import FLAW, observed
 from qflsd_ros.core.lens.camera_model import CameraModel
 from qflsd_ros.core.pose import Pose
 from scipy.spatial import cKDTree
@@ -127,12 +128,12 @@ def views(seen: list[Seen], change: str) -> tuple[np.ndarray, np.ndarray, np.nda
     """Return tracks, views and counts for triangulation, with other weights by ``change``."""
     rows: dict[int, list[np.ndarray]] = defaultdict(list)
     for one in seen:
-        found, flaw = one.planes, triangulation.FLAW
+        found, flaw = one.planes, FLAW
         if change == 'normals':
             found = found._replace(covariances=np.broadcast_to(np.eye(3), (len(one.tracks), 3, 3)))
         if change == 'ends':
             found = found._replace(covariances=np.zeros((len(one.tracks), 3, 3)))
-        for track, row in zip(one.tracks.tolist(), triangulation.observed(found, one.pose, flaw)):
+        for track, row in zip(one.tracks.tolist(), observed(found, one.pose, flaw)):
             rows[track].append(row)
     tracks = np.array([track for track, some in rows.items() if len(some) >= LEAST_SEEN])
     result = np.stack([np.array(rows[track])[

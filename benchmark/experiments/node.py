@@ -83,8 +83,8 @@ class Client(Node):
 
 
 @contextmanager
-def client() -> Iterator[Client]:
-    """Run the node as a process of its own; yield a client of it."""
+def own_domain() -> Iterator[Context]:
+    """Yield a context in a ROS domain of its own, which processes started meanwhile share."""
     domain = free_domain()
     os.environ.update(ROS_DOMAIN_ID=str(domain), ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST')
     # Both sides need this profile: without it, images of more than 512 KiB are lost.
@@ -92,10 +92,17 @@ def client() -> Iterator[Client]:
     context = Context()
     rclpy.init(args=[], context=context, domain_id=domain)
     try:
-        with Processes({'detector': (sys.executable, '-m', 'qflsd_ros.ros', 'detector')}):
-            yield Client(context)
+        yield context
     finally:
         rclpy.try_shutdown(context=context)
+
+
+@contextmanager
+def client() -> Iterator[Client]:
+    """Run the node as a process of its own; yield a client of it."""
+    with own_domain() as context, Processes(
+            {'detector': (sys.executable, '-m', 'qflsd_ros.ros', 'detector')}):
+        yield Client(context)
 
 
 def message(gray: np.ndarray, encoding: str) -> Image:

@@ -119,21 +119,29 @@ class Walk:
 
     def parts(self, one: Seen, edges: np.ndarray) -> np.ndarray:
         """Return which part of its edge, (N,), each plane shows, in shares: (N, 2), ascending."""
-        local = (self.edges[edges] - one.pose.centre) @ one.pose.rotation
-        start, along = local[:, 0], local[:, 1] - local[:, 0]
-        normals = np.cross(start, along)
+        start, along, normals = _seen_from(one.pose, self.edges[edges])
         cut = [-((np.cross(normals, start) * rays).sum(axis=1)
                  / (np.cross(normals, along) * rays).sum(axis=1))
                for rays in one.planes.ends.transpose(1, 0, 2)]
         return np.sort(np.stack(cut, axis=1), axis=1)
 
 
-def _distances(edges: np.ndarray, pose: Pose, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return how far rays, (N, 2, 3), are from planes of edges, and whether their middles meet."""
+def _seen_from(pose: Pose, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """
+    Return edges (E, 2, 3) in the optical frame of a pose.
+
+    These are (E, 3) each: the start, the way to the end, and the unit normal of the plane that
+    contains the edge and the optical centre.
+    """
     local = (edges - pose.centre) @ pose.rotation
     start, along = local[:, 0], local[:, 1] - local[:, 0]
     normals = np.cross(start, along)
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    return start, along, normals / np.linalg.norm(normals, axis=1, keepdims=True)
+
+
+def _distances(edges: np.ndarray, pose: Pose, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return how far rays, (N, 2, 3), are from planes of edges, and whether their middles meet."""
+    start, along, normals = _seen_from(pose, edges)
     off = np.abs(np.einsum('nki,ei->nke', ends, normals)).max(axis=1)
     middle = ends.sum(axis=1)
     share, depth = _meet(start, along, normals, middle)
@@ -152,10 +160,7 @@ def _meet(start: np.ndarray, along: np.ndarray, normals: np.ndarray, rays: np.nd
 
 def _on_edges(edges: np.ndarray, pose: Pose, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the edge of each exact arc, (N,), -1 for none, and the shares of its ends, (N, 2)."""
-    local = (edges - pose.centre) @ pose.rotation
-    start, along = local[:, 0], local[:, 1] - local[:, 0]
-    normals = np.cross(start, along)
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    start, along, normals = _seen_from(pose, edges)
     off = np.abs(np.einsum('nki,ei->nke', rays, normals)).max(axis=1)
     shares = np.stack([_meet(start, along, normals, rays[:, k])[0] for k in (0, 1)], axis=-1)
     depth = _meet(start, along, normals, rays.sum(axis=1))[1]

@@ -77,7 +77,7 @@ class Task(NamedTuple):
 
 
 class Sequence(NamedTuple):
-    """What follows a video or bag from frame to frame."""
+    """The states that follow the frames of a video or bag: lines and lens, and attitude."""
 
     frames: FrameSequence
     attitude: CameraAttitude
@@ -100,7 +100,7 @@ class Work:
             attitude_tracker.warm_up()
 
     def sequence(self) -> Sequence:
-        """Return what follows a video or bag, with its kernels loaded or compiled."""
+        """Return the states for a video or bag, with their kernels loaded or compiled."""
         Tracker().warm_up()
         return Sequence(FrameSequence(), CameraAttitude())
 

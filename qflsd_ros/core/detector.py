@@ -114,8 +114,9 @@ class Detector:
         """
         _check(gray, mask, None)
         if self.frame is None or self.frame.dx.shape != gray.shape:
+            last = 'which there is not yet' if self.frame is None else self.frame.dx.shape
             raise ValueError(f'image has shape {gray.shape}: must be that of the last image, '
-                             f'{None if self.frame is None else self.frame.dx.shape}')
+                             f'{last}')
         memory = self._memory
         gradients.compute(_read_only(gray), self.frame.blur, memory.dx, memory.dy)
         self.frame = self.frame._replace(region=memory.region(mask))

@@ -28,7 +28,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 from rclpy.validate_namespace import validate_namespace
 
-LOOK_PERIOD = 1.0   # s until the process ends after its last camera has; a second hurts nobody
+LOOK_PERIOD = 1.0   # s until the process ends after its last camera has; short for whoever waits
 EXPECTED = ": must be a list of namespaces, such as ['front', 'left']"
 NOT_FOR_CAMERAS = re.compile(r'(__(node|name|ns)|cameras):=')
 

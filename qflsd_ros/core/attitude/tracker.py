@@ -43,8 +43,8 @@ FOLLOWED = 3
 # Angle to the last axes within which a solution that is nearly the best is preferred to the best:
 # more than a camera turns from one frame to the next.
 NEXT = math.radians(15.0)
-# Log likelihood for each arc by which such a solution may be worse.  Chosen, not tuned: in the
-# rendered room, wrong ones were worse by .06 to .17, and better by .04 at most.
+# Log likelihood for each arc by which such a solution may be worse.  Tuned on two
+# views of the rendered room: wrong ones were worse by .06 to .17, and better by .04 at most.
 NEARLY = 0.05
 # Normalised distance from which on a focal length is an outlier: normally distributed errors
 # exceed it once in 16000 frames; and successive outliers after which it is taken to have changed.

@@ -9,8 +9,8 @@ import numpy as np
 from qflsd_ros.core.compilation import compiled
 from qflsd_ros.core.geometry.lines import Lines
 from qflsd_ros.core.geometry.planes import Planes
-from qflsd_ros.core.geometry.triangulation import (
-    as_lines, CENTRE, observed, RESULT, results, VIEW)
+from qflsd_ros.core.geometry.triangulation import as_lines, RESULT, results
+from qflsd_ros.core.geometry.views import CENTRE, observed, VIEW
 from qflsd_ros.core.pose import Pose
 
 # Views that are kept of a track.  More lower the error little, since what is wrong with an edge is
@@ -31,7 +31,6 @@ STEADY, QUARTER = 0.4, 25.0
 # Images without a track after which it is removed unless it is confirmed: more than the 60 for
 # which the tracker keeps one that it has lost.
 PATIENCE = 90
-NOWHERE = -1        # place of a track that the map does not hold
 
 
 class MappedLines(NamedTuple):
@@ -130,15 +129,13 @@ class LineMap:
 
     def _slots_of(self, tracks: np.ndarray) -> np.ndarray:
         """Return the slots of tracks, (N,), of new ones too."""
-        slots = np.array([self._slots.get(track, NOWHERE) for track in tracks.tolist()], np.int64)
-        new = np.flatnonzero(slots == NOWHERE)
+        new = [track for track in tracks.tolist() if track not in self._slots]
         while len(self._free) < len(new):
             self._remove(min(self._slots.values(), key=lambda slot: self._last[slot]))
-        for i in new:
-            slot = slots[i] = self._free.pop()
-            self._slots[int(tracks[i])] = slot
-            self._tracks[slot], self._counts[slot], self._seen[slot] = tracks[i], 0, 0
-        return slots
+        for track in new:
+            slot = self._slots[track] = self._free.pop()
+            self._tracks[slot], self._counts[slot], self._seen[slot] = track, 0, 0
+        return np.array([self._slots[track] for track in tracks.tolist()], np.int64)
 
     def _remove(self, slot: int) -> None:
         del self._slots[int(self._tracks[slot])]

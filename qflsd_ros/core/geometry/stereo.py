@@ -21,7 +21,8 @@ import numpy as np
 
 from qflsd_ros.core.geometry.lines import Lines
 from qflsd_ros.core.geometry.planes import Planes
-from qflsd_ros.core.geometry.triangulation import observed, triangulate
+from qflsd_ros.core.geometry.triangulation import triangulate
+from qflsd_ros.core.geometry.views import observed
 from qflsd_ros.core.pose import Pose
 
 # Sine of the angle between a plane and the baseline below which it counts as an epipolar plane: 6

@@ -1,15 +1,8 @@
 """
 Lines in space from the planes of one track in several posed views.
 
-The plane of a view, with the unit normal n towards the brighter side, contains the optical centre
-c and the edge.  A line through the point P with the direction d is seen from c in the plane with
-the normal
-
-    m = w / |w|,  w = (P - c) x d,
-
-the moment of its Pluecker coordinates about c.  The residual of a view is m across n, weighted by
-the covariance of n: two numbers, as a normal does not change its length.  Two views determine the
-four degrees of freedom of a line.
+A view and its residual are those of :mod:`geometry.views`.  Two views determine the four degrees
+of freedom of a line.
 
 The estimate begins with the line in which two planes intersect, the pair among all views whose
 line agrees with most of them.  Gauss-Newton steps with Student's weights follow, and least squares
@@ -17,9 +10,8 @@ over the views that agree.  A view counts as a whole or not at all.  Where all p
 they do for a line along the camera's motion and for a camera that only turns, the line is not
 determined, and flagged.
 
-References: R. Hartley and A. Zisserman, Multiple View Geometry, 2003, 3.2.2 (Pluecker
-coordinates); A. Bartoli and P. Sturm, Structure-from-motion using lines, CVIU 100(3), 2005, for
-the residual of a line and four local parameters.
+Reference: A. Bartoli and P. Sturm, Structure-from-motion using lines, CVIU 100(3), 2005, for the
+residual of a line and four local parameters.
 """
 from __future__ import annotations
 
@@ -30,26 +22,15 @@ import numpy as np
 
 from qflsd_ros.core.compilation import compiled, inlined
 from qflsd_ros.core.geometry.lines import Lines
-from qflsd_ros.core.geometry.planes import Planes
-from qflsd_ros.core.pose import Pose
+from qflsd_ros.core.geometry.views import (
+    ACROSS, CENTRE, cross, dot, END, EXPECTED, Line, moment, NORMAL, place, square, START, TINY,
+    TURN, Vector, VIEW)
 
-# Columns of a view: the normal; the same plane's two directions across the normal, divided by the
-# standard deviations (the residuals are their products with m); the optical centre; and the rays
-# of start and end of the arc.  All are in the world.
-NORMAL, ACROSS, TURN, CENTRE, START, END, EXPECTED, VIEW = 0, 3, 6, 9, 12, 15, 18, 19
 # Columns of a result: point, direction, two directions across, first and last position along the
 # line from the point, covariance, squared parallax, mean distance from the views, misfit, and
 # number of views that agree.
 (POINT, DIRECTION, SIDE, FIRST, LAST, COVARIANCE, PARALLAX, DISTANCE, MISFIT, AGREED,
  RESULT) = 0, 3, 6, 12, 13, 14, 30, 31, 32, 33, 34
-# Deviation of an edge's position, radians, beyond its stated covariance: neighbouring edges,
-# texture and the pixel grid shift edges.  It is .05 px at the focal length of 360 px of the
-# rendered room, on which it is tuned so that errors are as large as stated: with 30 % less they
-# are a quarter more than stated.
-FLAW = 1.5e-4
-# Share of the squared flaw by which it differs from view to view; the rest is the same in all.
-# Tuned on the rendered room; twice as much changes the stated deviations by 5 %.
-VARYING = 0.1
 # Degrees of freedom of Student's distribution of a residual: heavy tails, as for most robust fits.
 NU = 4.0
 STEPS = 6           # Gauss-Newton steps; the change is below rounding after 3 to 5
@@ -68,13 +49,10 @@ PAIRS = 40          # pairs that are tried at most; outliers in every third view
 # Share of the views in which the edge may begin before the line does, or end after it.  Chosen,
 # not tuned: .1 and .35 change distances from true edges by 5 %.
 BEYOND = 0.25
-TINY = 1e-300
-Line = tuple[float, float, float, float, float, float]
-Vector = tuple[float, float, float]
 
 
 class Memory(NamedTuple):
-    """What the kernels work in; K views of a line."""
+    """Memory of the kernels for K views of a line."""
 
     hessian: np.ndarray     # (4, 4), by two shifts across and two tilts
     slope: np.ndarray       # (4,)
@@ -84,49 +62,6 @@ class Memory(NamedTuple):
     weights: np.ndarray     # (K,)
 
 
-def observed(planes: Planes, pose: Pose, flaw: float = FLAW) -> np.ndarray:
-    """
-    Return the planes of one image as views of their lines.
-
-    Parameters
-    ----------
-    planes
-        N planes.
-    pose
-        The pose of the optical frame in the world.
-    flaw
-        Standard deviation, radians, of an edge's position that its covariance does not contain.
-
-    Returns
-    -------
-    views
-        (N, VIEW) float64, in the world.
-
-    """
-    normals, ends = planes.normals, planes.ends
-    middle = ends.sum(axis=1)
-    middle -= (middle * normals).sum(axis=1, keepdims=True) * normals
-    middle /= np.linalg.norm(middle, axis=1, keepdims=True)
-    sides = np.stack([middle, np.cross(normals, middle)], axis=1)
-    stated = np.einsum('nai,nij,nbj->nab', sides, planes.covariances, sides)
-    # An offset of the whole arc, and a turn about its middle that moves points along it as much
-    # in the mean.
-    added = np.zeros_like(stated)
-    added[:, 0, 0] = flaw ** 2
-    added[:, 1, 1] = 12 * flaw ** 2 / ((ends[:, 1] - ends[:, 0]) ** 2).sum(axis=1)
-    across = stated + added
-    low = np.linalg.cholesky(across)
-    views = np.empty((len(normals), VIEW))
-    back = pose.rotation.T
-    views[:, NORMAL:ACROSS] = normals @ back
-    views[:, ACROSS:CENTRE] = (np.linalg.solve(low, sides) @ back).reshape(-1, 6)
-    views[:, CENTRE:START] = pose.centre
-    views[:, START:EXPECTED] = (ends @ back).reshape(-1, 6)
-    views[:, EXPECTED] = np.trace(np.linalg.solve(across, stated + VARYING * added),
-                                  axis1=1, axis2=2)
-    return views
-
-
 def triangulate(views: np.ndarray, counts: np.ndarray) -> Lines:
     """
     Return the lines that tracks show in several views each.
@@ -134,7 +69,7 @@ def triangulate(views: np.ndarray, counts: np.ndarray) -> Lines:
     Parameters
     ----------
     views
-        (N, K, VIEW) float64 of :func:`observed`, K views of N tracks.
+        (N, K, VIEW) float64 of :func:`views.observed`, K views of N tracks.
     counts
         (N,) int64, how many of the K views of each track are there.
 
@@ -172,48 +107,6 @@ def warm_up() -> None:
 
 
 @inlined
-def _cross(ax: float, ay: float, az: float, bx: float, by: float, bz: float) -> Vector:
-    return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-
-
-@inlined
-def _dot(row: np.ndarray, column: int, v: Vector) -> float:
-    return row[column] * v[0] + row[column + 1] * v[1] + row[column + 2] * v[2]
-
-
-@inlined
-def _moment(view: np.ndarray, line: Line) -> tuple[Vector, float]:
-    """Return m of a line seen from a view, and |w|, its distance from the optical centre."""
-    x, y, z = _cross(line[0] - view[CENTRE], line[1] - view[CENTRE + 1],
-                     line[2] - view[CENTRE + 2], line[3], line[4], line[5])
-    size = math.sqrt(x * x + y * y + z * z) + TINY
-    return (x / size, y / size, z / size), size
-
-
-@inlined
-def _square(view: np.ndarray, line: Line) -> float:
-    """Return the squared residual of a view; infinite where it shows the line's other side."""
-    m, _ = _moment(view, line)
-    a, b = _dot(view, ACROSS, m), _dot(view, TURN, m)
-    return a * a + b * b if _dot(view, NORMAL, m) > 0 else math.inf
-
-
-@inlined
-def _place(view: np.ndarray, line: Line, ray: Vector) -> tuple[float, float]:
-    """Return where along a line a ray meets it, both seen in their plane, and at what depth."""
-    m, _ = _moment(view, line)
-    qx, qy, qz = line[0] - view[CENTRE], line[1] - view[CENTRE + 1], line[2] - view[CENTRE + 2]
-    a, b, c = _cross(qx, qy, qz, ray[0], ray[1], ray[2])
-    d, e, f = _cross(line[3], line[4], line[5], ray[0], ray[1], ray[2])
-    below = d * m[0] + e * m[1] + f * m[2]
-    if below == 0.0:
-        return 0.0, -1.0
-    t = -(a * m[0] + b * m[1] + c * m[2]) / below
-    return t, ((qx + t * line[3]) * ray[0] + (qy + t * line[4]) * ray[1]
-               + (qz + t * line[5]) * ray[2])
-
-
-@inlined
 def _intersection(one: np.ndarray, two: np.ndarray) -> Line:
     """
     Return the line in which the planes of two views intersect.
@@ -223,20 +116,20 @@ def _intersection(one: np.ndarray, two: np.ndarray) -> Line:
     """
     ax, ay, az = one[NORMAL], one[NORMAL + 1], one[NORMAL + 2]
     bx, by, bz = two[NORMAL], two[NORMAL + 1], two[NORMAL + 2]
-    dx, dy, dz = _cross(ax, ay, az, bx, by, bz)
-    square, cosine = dx * dx + dy * dy + dz * dz, ax * bx + ay * by + az * bz
-    if square == 0.0:
+    dx, dy, dz = cross(ax, ay, az, bx, by, bz)
+    size_2, cosine = dx * dx + dy * dy + dz * dz, ax * bx + ay * by + az * bz
+    if size_2 == 0.0:
         return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     hx, hy, hz = ((two[CENTRE] - one[CENTRE]) / 2, (two[CENTRE + 1] - one[CENTRE + 1]) / 2,
                   (two[CENTRE + 2] - one[CENTRE + 2]) / 2)
     u, v = -(ax * hx + ay * hy + az * hz), bx * hx + by * hy + bz * hz
-    a, b = (u - cosine * v) / square, (v - cosine * u) / square
+    a, b = (u - cosine * v) / size_2, (v - cosine * u) / size_2
     px, py, pz = (one[CENTRE] + hx + a * ax + b * bx, one[CENTRE + 1] + hy + a * ay + b * by,
                   one[CENTRE + 2] + hz + a * az + b * bz)
-    size = math.sqrt(square)
+    size = math.sqrt(size_2)
     line = px, py, pz, dx / size, dy / size, dz / size
-    m, _ = _moment(one, line)
-    if _dot(one, NORMAL, m) < 0:
+    m, _ = moment(one, line)
+    if dot(one, NORMAL, m) < 0:
         return px, py, pz, -line[3], -line[4], -line[5]
     return line
 
@@ -256,7 +149,7 @@ def _begin(views: np.ndarray, count: int) -> Line:
             line = _intersection(views[i], views[j])
             total = 0.0
             for k in range(count):
-                total += min(_square(views[k], line), AGREES * MAX_SCALE)
+                total += min(square(views[k], line), AGREES * MAX_SCALE)
             if total < least:
                 best, least = line, total
     return best
@@ -274,28 +167,28 @@ def _sides(line: Line) -> tuple[Vector, Vector]:
         a = line[4], -line[3], 0.0
     size = math.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2]) + TINY
     a = a[0] / size, a[1] / size, a[2] / size
-    return a, _cross(line[3], line[4], line[5], a[0], a[1], a[2])
+    return a, cross(line[3], line[4], line[5], a[0], a[1], a[2])
 
 
 @inlined
 def _derivative(view: np.ndarray, column: int, m: Vector, size: float, change: Vector) -> float:
     """Return the derivative of a residual for a change of w."""
     along = m[0] * change[0] + m[1] * change[1] + m[2] * change[2]
-    return (_dot(view, column, change) - _dot(view, column, m) * along) / size
+    return (dot(view, column, change) - dot(view, column, m) * along) / size
 
 
 @compiled
 def _add(view: np.ndarray, line: Line, weight: float, memory: Memory) -> None:
     """Add a view to the upper half of the Hessian and to the slope."""
     a, b = _sides(line)
-    m, size = _moment(view, line)
+    m, size = moment(view, line)
     qx, qy, qz = line[0] - view[CENTRE], line[1] - view[CENTRE + 1], line[2] - view[CENTRE + 2]
-    shift_a = _cross(a[0], a[1], a[2], line[3], line[4], line[5])
-    shift_b = _cross(b[0], b[1], b[2], line[3], line[4], line[5])
-    tilt_a = _cross(qx, qy, qz, a[0], a[1], a[2])
-    tilt_b = _cross(qx, qy, qz, b[0], b[1], b[2])
+    shift_a = cross(a[0], a[1], a[2], line[3], line[4], line[5])
+    shift_b = cross(b[0], b[1], b[2], line[3], line[4], line[5])
+    tilt_a = cross(qx, qy, qz, a[0], a[1], a[2])
+    tilt_b = cross(qx, qy, qz, b[0], b[1], b[2])
     for column in (ACROSS, TURN):
-        off = _dot(view, column, m)
+        off = dot(view, column, m)
         j = (_derivative(view, column, m, size, shift_a),
              _derivative(view, column, m, size, shift_b),
              _derivative(view, column, m, size, tilt_a),
@@ -379,7 +272,7 @@ def _insert(ordered: np.ndarray, count: int, value: float) -> None:
 def _scale(views: np.ndarray, count: int, line: Line, memory: Memory) -> float:
     """Set the squared residuals; return by how much they exceed what is stated, from 1 on."""
     for k in range(count):
-        memory.squares[k] = _square(views[k], line)
+        memory.squares[k] = square(views[k], line)
     return min(max(_median(memory, count) / MEDIAN, 1.0), MAX_SCALE)
 
 
@@ -396,7 +289,7 @@ def _centred(views: np.ndarray, count: int, line: Line, memory: Memory) -> tuple
             view = views[k]
             ray = view[START] + view[END], view[START + 1] + view[END + 1], \
                 view[START + 2] + view[END + 2]
-            t, depth = _place(view, line, ray)
+            t, depth = place(view, line, ray)
             if depth > 0:
                 total += t
                 agreed += 1
@@ -447,7 +340,7 @@ def _parallax(views: np.ndarray, count: int, memory: Memory) -> float:
     m = x / size, y / size, z / size
     for k in range(count):
         if memory.weights[k] > 0:
-            a, b = _dot(views[k], ACROSS, m), _dot(views[k], TURN, m)
+            a, b = dot(views[k], ACROSS, m), dot(views[k], TURN, m)
             total += a * a + b * b
     return total
 
@@ -461,7 +354,7 @@ def _reach(views: np.ndarray, count: int, line: Line, memory: Memory) -> tuple[f
         for k in range(count):
             if memory.weights[k] > 0:
                 ray = views[k, column], views[k, column + 1], views[k, column + 2]
-                t, depth = _place(views[k], line, ray)
+                t, depth = place(views[k], line, ray)
                 if depth > 0:
                     _insert(memory.ordered, seen, sign * t)
                     seen += 1
@@ -479,13 +372,13 @@ def _report(views: np.ndarray, count: int, line: Line, result: np.ndarray, memor
     for k in range(count):
         if memory.weights[k] > 0:
             _add(views[k], line, 1.0, memory)
-            total += _square(views[k], line)
+            total += square(views[k], line)
             expected += views[k, EXPECTED]
             distance += math.sqrt((views[k, CENTRE] - line[0]) ** 2
                                   + (views[k, CENTRE + 1] - line[1]) ** 2
                                   + (views[k, CENTRE + 2] - line[2]) ** 2)
             agreed += 1
-    # Two views leave no residual, and tell nothing of it.
+    # Two views leave no residual, from which a scale could be estimated.
     dof = max(2 * agreed - 4, 1)
     scale = max(total / (dof * expected / (2 * agreed)), 1.0)
     result[PARALLAX], result[AGREED] = _parallax(views, count, memory) / scale, agreed

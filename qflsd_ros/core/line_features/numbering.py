@@ -18,7 +18,7 @@ class Numbering:
 
     Lines are counted from 1 on, and again once the numbers are used up; a number that is in use
     then is left out.  Of several cameras, camera i numbers its k-th line ``k * cameras + i``: no
-    two cameras share a number, since nobody has found that they see the same line.
+    two cameras share a number, since lines are not matched between cameras.
     """
 
     def __init__(self) -> None:

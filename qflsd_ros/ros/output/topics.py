@@ -80,14 +80,25 @@ class Result:
     feed: Feed = field(default_factory=Feed)
 
     @cached_property
+    def arcs_with_directions(self) -> Arcs:
+        """Return the arcs with ``direction``, computed once for all outputs."""
+        return with_directions(self.arcs, self.attitude)
+
+    @cached_property
     def arcs_with_straightness(self) -> Arcs:
-        """Return the arcs with ``straight`` and ``direction``, computed once for all outputs."""
-        return with_directions(with_straightness(self.arcs, self.model), self.attitude)
+        """Return the arcs with ``direction`` and ``straight``, computed once for all outputs."""
+        return with_straightness(self.arcs_with_directions, self.model)
+
+    @cached_property
+    def camera(self) -> CameraModel:
+        """Return the calibrated camera, computed once; CalibrationError if there is none."""
+        return camera_info.camera_model(
+            self.calibration, self.calibration_topic, *self.gray.shape)
 
     @cached_property
     def planes(self) -> Planes:
-        """Return the planes of the arcs, computed once; CalibrationError as of calibration."""
-        return planes(self.arcs, calibration(self))
+        """Return the planes of the arcs, computed once; CalibrationError as of ``camera``."""
+        return planes(self.arcs, self.camera)
 
     @property
     def stamp(self) -> int:
@@ -119,8 +130,7 @@ def attitude(result: Result) -> Attitude:
 
 def calibration(result: Result) -> CameraModel:
     """Return the calibrated camera; CalibrationError if the camera_info does not give one."""
-    return camera_info.camera_model(
-        result.calibration, result.calibration_topic, *result.gray.shape)
+    return result.camera
 
 
 def tracked(result: Result) -> Arcs:
@@ -129,7 +139,7 @@ def tracked(result: Result) -> Arcs:
         raise TrackingError(
             Reason.NO_TRACKS, 'parameter tracking is false, or method is not arcs: '
             '~/line_features needs tracks')
-    return with_directions(result.arcs, result.attitude)
+    return result.arcs_with_directions
 
 
 def every_image(result: Result) -> bool:
@@ -183,8 +193,7 @@ def _arcs(result: Result, arcs: Arcs) -> PointCloud2:
 
 def _markers(result: Result) -> bytes:
     settings = result.settings
-    arcs = with_directions(result.arcs, result.attitude)
-    return markers(result.header, arcs, settings.polyline_tolerance,
+    return markers(result.header, result.arcs_with_directions, settings.polyline_tolerance,
                    settings.metres_per_pixel, settings.line_width, settings.marker_colour)
 
 

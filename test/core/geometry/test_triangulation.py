@@ -8,7 +8,8 @@ import numpy as np
 from posed import edges, poses, sight, turned
 import pytest
 from qflsd_ros.core.geometry.lines import Lines
-from qflsd_ros.core.geometry.triangulation import observed, triangulate
+from qflsd_ros.core.geometry.triangulation import triangulate
+from qflsd_ros.core.geometry.views import observed
 from qflsd_ros.core.pose import Pose
 
 
