@@ -4,9 +4,10 @@ The constants of the core, as its sources state them, with their meaning and ori
 A constant is a name in capitals that a module binds to a number, to several numbers, or to an
 expression of numbers such as ``math.sin(math.radians(10.0))``.  Numbers of columns do not count:
 names that are bound together to whole numbers from 0 or 1 on, or that stand below a comment
-"Columns of".  The comment beside or above a constant states its meaning and origin; a comment
-that begins with "All of these", "All of the following" or "Origin of these" states the origin of
-all constants of a module that have none of their own.
+"Columns of".  Neither do codes, below a comment "Bits of" or "Codes of".  The comment beside or
+above a constant states its meaning and origin; a comment that begins with "All of these", "All of
+the following" or "Origin of these" states the origin of all constants of a module that have none
+of their own.
 """
 from __future__ import annotations
 
@@ -105,11 +106,11 @@ def _is_number(value: ast.expr | None) -> bool:
 
 
 def _is_column(lines: list[str], statement: ast.stmt) -> bool:
-    """Return whether the paragraph of a statement begins as a list of columns."""
+    """Return whether the paragraph of a statement begins as a list of columns or codes."""
     first = statement.lineno - 1
     while first > 0 and lines[first - 1]:
         first -= 1
-    return lines[first].startswith('# Columns of ')
+    return lines[first].startswith(('# Columns of ', '# Bits of ', '# Codes of '))
 
 
 def _note(lines: list[str]) -> list[str]:

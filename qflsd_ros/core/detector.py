@@ -129,10 +129,11 @@ class Detector:
         self._ended('noise')
         self.frame = frame = self._compute_frame(gray, region, grain)
         self._ended('gradients')
-        memory.reserve(edges.find(frame.dx, frame.dy, frame.low, frame.high, memory.magnitudes,
+        memory.reserve(edges.find(frame.dx, frame.dy, frame.low, frame.high, memory.rows,
                                   memory.edges))
         if region.masked:
             np.multiply(memory.edges, region.seen, memory.edges)
+        edges.surround(memory.edges, memory.around)
         self._ended('edges')
         offsets = self._trace(frame, limits.min_points)
         self._ended('chains')
@@ -177,7 +178,7 @@ class Detector:
     def _trace(self, frame: Frame, min_points: int) -> np.ndarray:
         """Write the chains of edge points to memory; return the offsets of chains, (N + 1,)."""
         memory = self._memory
-        image = chains.edge_map(memory.flat, frame.dx, frame.dy)
+        image = chains.edge_map(memory.flat, memory.around, frame.dx, frame.dy)
         count = chains.trace(image, memory.words, min_points, memory.pixels, memory.offsets)
         edges.locate(image.dx, image.dy, image.width, memory.pixels, memory.offsets[count],
                      memory.points)
@@ -234,10 +235,11 @@ class _Memory:
     def __init__(self, height: int, width: int) -> None:
         self.shape = height, width
         self.dx, self.dy = np.empty(self.shape, np.int16), np.empty(self.shape, np.int16)
-        self.magnitudes = np.empty((3, width), np.float32)
+        self.rows = edges.Rows(np.empty((3, width), np.int32), np.empty(width, np.uint8))
         self.flat = np.zeros((height * width + 7) // 8 * 8, np.uint8)
         self.words = self.flat.view(np.uint64)
         self.edges = self.flat[:height * width].reshape(self.shape)
+        self.around = np.empty(self.shape, np.uint8)
         self._mask: np.ndarray | None = None
         self._region = region(self.shape, None)
         self.pixels = np.empty(0, np.int32)

@@ -20,63 +20,90 @@ from typing import NamedTuple
 import numpy as np
 
 from qflsd_ros.core.compilation import compiled, inlined
-from qflsd_ros.core.detection.contours.edges import offset_of, STRONG, VISITED
+from qflsd_ros.core.detection.contours.edges import offset_of, SECTOR, STEPS, STRONG, VISITED
+from qflsd_ros.core.detection.contours.sectors import POSITION, SECTORS
 
-# The 8 neighbours in order of their direction, from the x axis to the y axis and on.
-STEP_X = np.array([1, 1, 0, -1, -1, -1, 0, 1], np.int64)
-STEP_Y = np.array([0, 1, 1, 1, 0, -1, -1, -1], np.int64)
 ANY_STRONG = np.uint64(STRONG * 0x0101010101010101)     # eight edge pixels at once
 BYTE_NUMBERS = np.uint64(0x0001020304050607)
-# The neighbour closest to a direction (x, y), by the bits x > 0, y > 0, closest to the x axis, and
-# to the y axis.
-OCTANTS = np.array([5, 7, 3, 1, 4, 0, 4, 0, 6, 6, 2, 2], np.int64)
-TAN_22 = math.sqrt(2) - 1       # tangent of 22.5 degrees: half of an octant
 RING = 5                # pixels at a distance of 2 along x or y, within 60 degrees of a direction
 LONGEST = 2.0           # px, of a link (IPOL 2017)
 TURN = 2.0              # weight of the cosine of a link's turn in its cost (tried on photographs)
 # Least cosine of the angle between the gradients of a link (45 to 60 degrees work on photographs).
 AGREE = math.cos(math.radians(50.0))
+# Sectors between two gradients, up to which and from which on a comparison of their cosine with
+# AGREE is not needed: n sectors apart they are n - 1 to n + 1 sectors apart in angle.
+SURE = int(math.acos(AGREE) * SECTORS / (2 * math.pi)) - 1
+EXCLUDED = int(math.ceil(math.acos(AGREE) * SECTORS / (2 * math.pi))) + 1
+
+# Codes of ONLY beside the numbers of neighbours: more than one edge pixel lies ahead, or none.
+SEVERAL, NO = 8, 9
+
+Offset = tuple[np.float32, np.float32]      # x and y, px
 
 
 class EdgeMap(NamedTuple):
     """The edge pixels of an image and its gradients, as flat arrays of rows of pixels."""
 
-    edges: np.ndarray       # (H W + padding,) uint8: 0, WEAK, STRONG or VISITED
+    edges: np.ndarray       # (H W + padding,) uint8, as edges.find leaves it
+    around: np.ndarray      # (H W,) uint8, as edges.surround leaves it
+    steps: np.ndarray       # (8,) int64: from a pixel to its neighbours
     dx: np.ndarray          # (H W,) int16 gradients
     dy: np.ndarray
-    steps: np.ndarray       # (8,) int64: from a pixel to its neighbours
     ring: np.ndarray        # (8, RING) int64: from a pixel to those at a distance of 2
     width: int
+
+
+def _neighbours() -> np.ndarray:
+    """
+    Return the neighbour (0 to 7) ahead of an edge pixel, for each sector of its gradient.
+
+    It is the closest to the direction at right angles to the gradient, brighter side on the right.
+    """
+    angles = (2 * POSITION + 1) * math.pi / SECTORS - math.pi / 2
+    return np.rint(angles / (math.pi / 4)).astype(np.int64) % 8
 
 
 def _ring() -> np.ndarray:
     """Return the pixels at a distance of 2 ahead in each direction: (8, RING, 2), x and y."""
     side = [(x, y) for x in range(-2, 3) for y in range(-2, 3) if max(abs(x), abs(y)) == 2]
     ahead = [sorted(side, key=lambda p: (-(p[0] * x + p[1] * y) / math.hypot(*p), p))[:RING]
-             for x, y in zip(STEP_X / np.hypot(STEP_X, STEP_Y), STEP_Y / np.hypot(STEP_X, STEP_Y))]
+             for x, y in STEPS / np.hypot(*STEPS.T)[:, None]]
     return np.array(ahead, np.int64)
 
 
+NEIGHBOUR = _neighbours()
+# The three neighbours within 45 degrees of each direction.
+FAN = (np.arange(8)[:, None] + (-1, 0, 1)) % 8
+
+
+def _only() -> np.ndarray:
+    """Return the only edge pixel ahead by direction and bits of all neighbours, or NO, SEVERAL."""
+    only = np.empty((8, 256), np.uint8)
+    for k in range(8):
+        for bits in range(256):
+            ahead = [j for j in FAN[k] if bits >> j & 1]
+            only[k, bits] = ahead[0] if len(ahead) == 1 else SEVERAL if ahead else NO
+    return only
+
+
+ONLY = _only()
 RING_AT = _ring()
 
 
-def edge_map(edges: np.ndarray, dx: np.ndarray, dy: np.ndarray) -> EdgeMap:
-    """Return the map of flat ``edges``, padded, and (H, W) gradients."""
+def edge_map(edges: np.ndarray, around: np.ndarray, dx: np.ndarray, dy: np.ndarray) -> EdgeMap:
+    """Return the map of flat ``edges``, padded, (H, W) neighbours and (H, W) gradients."""
     width = dx.shape[1]
-    return EdgeMap(edges, dx.reshape(-1), dy.reshape(-1), STEP_Y * width + STEP_X,
+    return EdgeMap(edges, around.reshape(-1), STEPS @ (1, width), dx.reshape(-1), dy.reshape(-1),
                    RING_AT[:, :, 1] * width + RING_AT[:, :, 0], width)
 
 
 @inlined
-def _octant(x: float, y: float) -> int:
-    """Return the number (0 to 7) of the neighbour closest to the direction (x, y)."""
-    flat, steep = abs(y) < TAN_22 * abs(x), abs(x) < TAN_22 * abs(y)
-    return OCTANTS[(x > 0) + 2 * (y > 0) + 4 * flat + 8 * steep]
-
-
-@inlined
 def _agree(image: EdgeMap, p: int, q: int) -> bool:
-    """Return whether the gradients at two pixels have about the same direction."""
+    """Return whether the gradients at two edge pixels have about the same direction."""
+    apart = (POSITION[image.edges[p] & SECTOR] - POSITION[image.edges[q] & SECTOR]) % SECTORS
+    apart = min(apart, SECTORS - apart)
+    if apart <= SURE or apart >= EXCLUDED:
+        return apart <= SURE
     gx, gy, hx, hy = (float(image.dx[p]), float(image.dy[p]), float(image.dx[q]),
                       float(image.dy[q]))
     dot = gx * hx + gy * hy
@@ -84,21 +111,17 @@ def _agree(image: EdgeMap, p: int, q: int) -> bool:
 
 
 @inlined
-def _is_candidate(image: EdgeMap, p: int, q: int) -> bool:
-    return image.edges[q] != 0 and _agree(image, p, q)
-
-
-@compiled
-def _cost(image: EdgeMap, p: int, q: int, x: int, y: int, sign: int) -> float:
+def _cost(image: EdgeMap, p: int, from_p: Offset, q: int, step: tuple[int, int],
+          sign: int) -> float:
     """
-    Return the cost of a link from pixel p to q, which is (x, y) px away, or inf.
+    Return the cost of a link from pixel p to q, which is ``step`` (x, y) px away, or inf.
 
     It is d (1 + w (1 - u . t)) for the vector d u between both edge points and the tangent t at
-    right angles to the sum of both gradients; ``sign`` is 1 ahead and -1 behind.
+    right angles to the sum of both gradients; ``from_p`` is where the edge point lies relative to
+    p, and ``sign`` is 1 ahead and -1 behind.
     """
-    px, py = offset_of(image.dx, image.dy, image.width, p)
     qx, qy = offset_of(image.dx, image.dy, image.width, q)
-    dx, dy = x + qx - px, y + qy - py
+    dx, dy = step[0] + qx - from_p[0], step[1] + qy - from_p[1]
     sx, sy = float(image.dx[p]) + image.dx[q], float(image.dy[p]) + image.dy[q]
     along = sign * (dx * sy - dy * sx) / math.sqrt(sx * sx + sy * sy)
     d = math.sqrt(dx * dx + dy * dy)
@@ -109,11 +132,12 @@ def _cost(image: EdgeMap, p: int, q: int, x: int, y: int, sign: int) -> float:
 def _nearest(image: EdgeMap, p: int, k: int, sign: int) -> int:
     """Return the neighbour with the cheapest link within 45 degrees of direction k, or -1."""
     best, least = -1, np.inf
-    for turn in range(-1, 2):
-        j = (k + turn) & 7
+    from_p = offset_of(image.dx, image.dy, image.width, p)
+    for i in range(FAN.shape[1]):
+        j = FAN[k, i]
         q = p + image.steps[j]
-        if _is_candidate(image, p, q):
-            cost = _cost(image, p, q, STEP_X[j], STEP_Y[j], sign)
+        if image.edges[q] != 0 and _agree(image, p, q):
+            cost = _cost(image, p, from_p, q, (STEPS[j, 0], STEPS[j, 1]), sign)
             if cost < least:
                 best, least = q, cost
     return best
@@ -125,62 +149,52 @@ def _beyond(image: EdgeMap, p: int, k: int, sign: int) -> int:
     best, least = -1, np.inf
     for i in range(RING):
         q = p + image.ring[k, i]
-        if 0 <= q < len(image.dx) and _is_candidate(image, p, q):
-            cost = _cost(image, p, q, RING_AT[k, i, 0], RING_AT[k, i, 1], sign)
+        if 0 <= q < len(image.dx) and image.edges[q] != 0 and _agree(image, p, q):
+            from_p = offset_of(image.dx, image.dy, image.width, p)
+            cost = _cost(image, p, from_p, q, (RING_AT[k, i, 0], RING_AT[k, i, 1]), sign)
             if cost < least:
                 best, least = q, cost
     return best
 
 
 @inlined
-def _direction(image: EdgeMap, p: int, sign: int) -> int:
-    """Return the neighbour (0 to 7) that is ahead (sign 1) of pixel p or behind (-1) it."""
-    return _octant(sign * float(image.dy[p]), -sign * float(image.dx[p]))
-
-
-@inlined
-def _only(image: EdgeMap, p: int, k: int) -> tuple[int, int]:
-    """Return the edge pixels within 45 degrees of direction k: their number, and the last one."""
-    number, only = 0, -1
-    for turn in range(-1, 2):
-        q = p + image.steps[(k + turn) & 7]
-        is_edge = image.edges[q] != 0
-        number += is_edge
-        only = q if is_edge else only
-    return number, only
+def _direction(code: int, sign: int) -> int:
+    """Return the neighbour (0 to 7) that is ahead (sign 1) of an edge pixel or behind (-1) it."""
+    return (NEIGHBOUR[code & SECTOR] + 2 - 2 * sign) & 7
 
 
 @inlined
 def _best(image: EdgeMap, p: int, k: int, sign: int) -> int:
     """Return the best pixel to link pixel p to in direction k, ahead or behind, or -1."""
-    number, only = _only(image, p, k)
-    if number == 1:
-        return only if _agree(image, p, only) else -1
-    return _nearest(image, p, k, sign) if number > 1 else _beyond(image, p, k, sign)
+    only = ONLY[k, image.around[p]]
+    if only < SEVERAL:
+        q = p + image.steps[only]
+        return q if _agree(image, p, q) else -1
+    return _nearest(image, p, k, sign) if only == SEVERAL else _beyond(image, p, k, sign)
 
 
 @inlined
 def _is_best(image: EdgeMap, p: int, q: int, k: int, sign: int) -> bool:
     """Return whether the best pixel to link q to in direction k is p, ahead or behind."""
-    number, only = _only(image, q, k)
-    if number == 1:
-        return only == p    # both gradients agree: q is the best pixel for p
-    best = _nearest(image, q, k, sign) if number > 1 else _beyond(image, q, k, sign)
+    only = ONLY[k, image.around[q]]
+    if only < SEVERAL:      # both gradients agree: q is the best pixel for p
+        return q + image.steps[only] == p
+    best = _nearest(image, q, k, sign) if only == SEVERAL else _beyond(image, q, k, sign)
     return best == p
 
 
 @inlined
 def _follow(image: EdgeMap, p: int, sign: int, pixels: np.ndarray, n: int) -> int:
     """Append the pixels linked to pixel p, ahead or behind, to ``pixels``; return the new n."""
-    k = _direction(image, p, sign)
+    k = _direction(image.edges[p], sign)
     while True:
         q = _best(image, p, k, sign)
-        if q < 0 or image.edges[q] == VISITED:
+        if q < 0 or image.edges[q] & VISITED:
             return n
-        k = _direction(image, q, sign)
+        k = _direction(image.edges[q], sign)
         if not _is_best(image, p, q, (k + 4) & 7, -sign):
             return n
-        image.edges[q] = VISITED
+        image.edges[q] = image.edges[q] & ~STRONG | VISITED
         pixels[n] = q
         n += 1
         p = q
@@ -189,10 +203,10 @@ def _follow(image: EdgeMap, p: int, sign: int, pixels: np.ndarray, n: int) -> in
 @inlined
 def _first(strong: np.uint64) -> int:
     """Return the number (0 to 7) of the first strong pixel of eight; one at least is strong."""
-    # Pixel k leaves bit 8 k + 1 alone.  Multiplication by that bit, shifted right by one, moves
-    # byte 7 - k of BYTE_NUMBERS, which is k, to the top.
+    # The lowest bit is STRONG in byte k.  Divided by STRONG, it moves byte 7 - k of BYTE_NUMBERS,
+    # which is k, to the top by multiplication.
     lowest = strong & (~strong + np.uint64(1))
-    return int(((lowest >> np.uint64(1)) * BYTE_NUMBERS) >> np.uint64(56))
+    return int((lowest // np.uint64(STRONG) * BYTE_NUMBERS) >> np.uint64(56))
 
 
 @inlined
@@ -206,7 +220,7 @@ def _turn_round(values: np.ndarray, first: int, last: int) -> None:
 @inlined
 def _chain(image: EdgeMap, p: int, pixels: np.ndarray, n: int) -> int:
     """Append the whole chain through a pixel, from n on; return the new n."""
-    image.edges[p] = VISITED
+    image.edges[p] = image.edges[p] & ~STRONG | VISITED
     end = _follow(image, p, -1, pixels, n)
     _turn_round(pixels, n, end - 1)
     pixels[end] = p

@@ -13,8 +13,16 @@ import numpy as np
 
 from qflsd_ros.core.compilation import compiled, inlined
 from qflsd_ros.core.detection.contours.gradients import GAIN
+from qflsd_ros.core.detection.contours.sectors import ALONG_X, write_sectors
 
-WEAK, STRONG, VISITED = 1, 2, 4     # edge pixels in the edge map; VISITED: part of a chain
+# Bits of a pixel of the edge map, which is 0 off the edges: EDGE; STRONG, a strong pixel that no
+# chain has reached yet; VISITED, a pixel of a chain; and the sector of the gradient.
+EDGE, STRONG, VISITED, SECTOR = 128, 64, 32, 15
+
+# From a pixel to its neighbours, x and y, in order from the x axis to the y axis and on.
+STEPS = np.array([(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)], np.int64)
+# Grey levels: a smaller curvature of the parabola through three magnitudes is rounding.
+FLATTEST = np.float32(1e-6)
 
 
 @inlined
@@ -24,43 +32,43 @@ def _magnitude(gx: int, gy: int) -> np.float32:
     return np.float32(1 / GAIN) * np.float32(math.sqrt(x * x + y * y))
 
 
-@inlined
-def _magnitudes(gx: np.ndarray, gy: np.ndarray, magnitude: np.ndarray) -> None:
-    """Write the gradient's magnitude in one row."""
-    for i in range(len(magnitude)):
-        magnitude[i] = _magnitude(gx[i], gy[i])
-
-
 class Rows(NamedTuple):
-    """The gradient's magnitudes in a row of the image and in those beside it, (W,) float32."""
+    """Rows of an image of width W that :func:`find` works on."""
 
-    above: np.ndarray
-    here: np.ndarray
-    below: np.ndarray
+    squares: np.ndarray     # (3, W) int32: squared gradients above, at and below the current row
+    sectors: np.ndarray     # (W,) uint8: of the gradients in the current row
 
 
 @inlined
-def _thin(gx: np.ndarray, gy: np.ndarray, rows: Rows, low: np.float32, high: np.float32,
-          edges: np.ndarray) -> np.int32:
-    """Find the edge pixels of the row ``rows.here``; return their number."""
-    gx, gy, out = gx[1:-1], gy[1:-1], edges[1:-1]
-    up, down = rows.above[1:-1], rows.below[1:-1]
-    left, mid, right = rows.here[:-2], rows.here[1:-1], rows.here[2:]
+def _square(gx: np.ndarray, gy: np.ndarray, squares: np.ndarray) -> None:
+    """Write the squared length of each gradient in a row."""
+    for i in range(len(squares)):
+        x, y = np.int32(gx[i]), np.int32(gy[i])
+        squares[i] = x * x + y * y
+
+
+@inlined
+def _thin(rows: Rows, row: int, low: np.int32, high: np.int32, edges: np.ndarray) -> np.int32:
+    """Find the edge pixels of a row; return their number."""
+    out, sector, here = edges[1:-1], rows.sectors[1:-1], rows.squares[row % 3]
+    up, down = rows.squares[(row - 1) % 3, 1:-1], rows.squares[(row + 1) % 3, 1:-1]
+    left, mid, right = here[:-2], here[1:-1], here[2:]
     found = np.int32(0)
     for i in range(len(out)):
         m, um, dm, ll, rr = mid[i], up[i], down[i], left[i], right[i]
-        across_x = abs(np.float32(gx[i])) >= abs(np.float32(gy[i]))
-        before = ll if across_x else um
-        after = rr if across_x else dm
+        along_x = (sector[i] & np.uint8(ALONG_X)) != 0
+        before = ll if along_x else um
+        after = rr if along_x else dm
         edge = (m > before) & (m >= after) & (m >= low)
         strong = edge & (m >= high)
-        out[i] = np.uint8(edge) * np.uint8(WEAK) + np.uint8(strong) * np.uint8(STRONG - WEAK)
+        out[i] = (np.uint8(edge) * (sector[i] | np.uint8(EDGE))
+                  | np.uint8(strong) * np.uint8(STRONG))
         found += np.int32(edge)
     return found
 
 
 @compiled
-def find(dx: np.ndarray, dy: np.ndarray, low: float, high: float, magnitudes: np.ndarray,
+def find(dx: np.ndarray, dy: np.ndarray, low: float, high: float, rows: Rows,
          edges: np.ndarray) -> int:
     """
     Find the pixels at which the magnitude is largest across the edge (Canny).
@@ -75,11 +83,11 @@ def find(dx: np.ndarray, dy: np.ndarray, low: float, high: float, magnitudes: np
         (H, W) int16, as :func:`gradients` leaves them; H and W at least 3.
     low, high
         Magnitudes in grey levels from which on a pixel is weak or strong.
-    magnitudes
-        (3, W) float32, scratch.
+    rows
+        Scratch.
     edges
-        (H, W) uint8, takes WEAK or STRONG at edge pixels, 0 elsewhere and in the outermost rows
-        and columns.
+        (H, W) uint8, takes EDGE, the sector of the gradient (:mod:`sectors`) and, if it is strong,
+        STRONG at edge pixels, and 0 elsewhere and in the outermost rows and columns.
 
     Returns
     -------
@@ -87,17 +95,35 @@ def find(dx: np.ndarray, dy: np.ndarray, low: float, high: float, magnitudes: np
 
     """
     height, width = edges.shape
-    weak, strong = np.float32(low), np.float32(high)
+    weak, strong = np.int32(math.ceil((GAIN * low) ** 2)), np.int32(math.ceil((GAIN * high) ** 2))
     edges[0], edges[height - 1], edges[:, 0], edges[:, width - 1] = 0, 0, 0, 0
-    _magnitudes(dx[0], dy[0], magnitudes[0])
-    _magnitudes(dx[1], dy[1], magnitudes[1])
+    _square(dx[0], dy[0], rows.squares[0])
+    _square(dx[1], dy[1], rows.squares[1])
     count = 0
     for row in range(1, height - 1):
-        _magnitudes(dx[row + 1], dy[row + 1], magnitudes[(row + 1) % 3])
-        rows = Rows(magnitudes[(row - 1) % 3], magnitudes[row % 3], magnitudes[(row + 1) % 3])
-        found = _thin(dx[row], dy[row], rows, weak, strong, edges[row])
-        count += int(found)
+        _square(dx[row + 1], dy[row + 1], rows.squares[(row + 1) % 3])
+        write_sectors(dx[row], dy[row], rows.sectors)
+        count += int(_thin(rows, row, weak, strong, edges[row]))
     return count
+
+
+@compiled
+def surround(edges: np.ndarray, around: np.ndarray) -> None:
+    """
+    Find the edge pixels among the 8 neighbours of each pixel.
+
+    ``edges`` is (H, W) uint8, as :func:`find` leaves it.  ``around``, (H, W) uint8, receives bit i
+    for neighbour i of :data:`STEPS`; its outermost rows and columns are left as they are.
+    """
+    for row in range(1, len(edges) - 1):
+        up, here, down = edges[row - 1], edges[row], edges[row + 1]
+        out = around[row, 1:-1]
+        e, w, n, s = here[2:], here[:-2], up[1:-1], down[1:-1]
+        ne, nw, se, sw = up[2:], up[:-2], down[2:], down[:-2]
+        for i in range(len(out)):
+            out[i] = ((e[i] & EDGE) >> 7 | (se[i] & EDGE) >> 6 | (s[i] & EDGE) >> 5
+                      | (sw[i] & EDGE) >> 4 | (w[i] & EDGE) >> 3 | (nw[i] & EDGE) >> 2
+                      | (n[i] & EDGE) >> 1 | ne[i] & EDGE)
 
 
 @inlined
@@ -114,8 +140,8 @@ def offset_of(dx: np.ndarray, dy: np.ndarray, width: int,
     step = 1 if across_x else width
     a, b, c = (_magnitude(dx[at - step], dy[at - step]), _magnitude(dx[at], dy[at]),
                _magnitude(dx[at + step], dy[at + step]))
-    # No division by 0, since a < b >= c.
-    offset = np.float32(0.5) * (a - c) / (a - b + (c - b))
+    # The square of b is above that of a and not below that of c; float32 may round all to one.
+    offset = np.float32(0.5) * (c - a) / max(b - a + (b - c), FLATTEST)
     zero = np.float32(0)
     return offset if across_x else zero, zero if across_x else offset
 

@@ -23,6 +23,9 @@ GAIN = 64
 REACH = 1.6
 
 
+Pair = tuple[np.ndarray, np.ndarray]    # two rows at the same distance, at both sides
+
+
 class Rows(NamedTuple):
     """Rows of an image of width W that :func:`_compute` works on: float32."""
 
@@ -33,42 +36,59 @@ class Rows(NamedTuple):
 
 
 def _half_kernel(sigma: float) -> np.ndarray:
-    """Return a Gaussian kernel from its middle on: (K,) float32."""
-    if sigma <= 0:
-        return np.ones(1, np.float32)
-    reach = max(1, math.ceil(REACH * sigma))
-    return cv2.getGaussianKernel(2 * reach + 1, sigma, cv2.CV_32F)[reach:, 0]
+    """Return a Gaussian kernel from its middle on, 0 beyond its reach: (K,) float32, K >= 3."""
+    kernel = np.array([1, 0, 0], np.float32)
+    if sigma > 0:
+        reach = max(1, math.ceil(REACH * sigma))
+        half = cv2.getGaussianKernel(2 * reach + 1, sigma, cv2.CV_32F)[reach:, 0]
+        kernel = np.zeros(max(len(half), len(kernel)), np.float32)
+        kernel[:len(half)] = half
+    return kernel
 
 
 @inlined
-def _add_pair(weight: np.float32, before: np.ndarray, after: np.ndarray, out: np.ndarray) -> None:
+def _smooth(kernel: np.ndarray, here: np.ndarray, near: Pair, far: Pair, out: np.ndarray) -> None:
+    """Write a row weighted with those at a distance of 1 and 2, by the first three weights."""
+    for i in range(len(out)):
+        out[i] = (kernel[0] * np.float32(here[i])
+                  + kernel[1] * (np.float32(near[0][i]) + np.float32(near[1][i]))
+                  + kernel[2] * (np.float32(far[0][i]) + np.float32(far[1][i])))
+
+
+@inlined
+def _add_pair(weight: np.float32, pair: Pair, out: np.ndarray) -> None:
     """Add the weighted sums of two rows to a row."""
     for i in range(len(out)):
-        out[i] += weight * (np.float32(before[i]) + np.float32(after[i]))
+        out[i] += weight * (np.float32(pair[0][i]) + np.float32(pair[1][i]))
 
 
 @inlined
-def _scale(weight: np.float32, row: np.ndarray, out: np.ndarray) -> None:
-    """Write a weighted row."""
-    for i in range(len(out)):
-        out[i] = weight * np.float32(row[i])
+def _above_and_below(gray: np.ndarray, row: int, k: int) -> Pair:
+    """Return the rows at a distance of k; beyond the border, those at the border."""
+    return gray[max(row - k, 0)], gray[min(row + k, len(gray) - 1)]
+
+
+@inlined
+def _shifted(row: np.ndarray, reach: int, k: int) -> Pair:
+    """Return a row that is ``reach`` px longer at both sides, shifted by k px both ways."""
+    width = len(row) - 2 * reach
+    return row[reach - k:reach - k + width], row[reach + k:reach + k + width]
 
 
 @inlined
 def _smooth_row(gray: np.ndarray, row: int, kernel: np.ndarray, column: np.ndarray,
                 out: np.ndarray) -> None:
     """Write a smoothed row; ``column``, scratch, has room for the kernel's reach at both sides."""
-    height, width = gray.shape
-    reach = len(kernel) - 1
+    reach, width = len(kernel) - 1, gray.shape[1]
     inner = column[reach:reach + width]
-    _scale(kernel[0], gray[row], inner)
-    for k in range(1, len(kernel)):
-        _add_pair(kernel[k], gray[max(row - k, 0)], gray[min(row + k, height - 1)], inner)
+    _smooth(kernel, gray[row], _above_and_below(gray, row, 1), _above_and_below(gray, row, 2),
+            inner)
+    for k in range(3, len(kernel)):
+        _add_pair(kernel[k], _above_and_below(gray, row, k), inner)
     column[:reach], column[reach + width:] = inner[0], inner[width - 1]
-    _scale(kernel[0], inner, out)
-    for k in range(1, len(kernel)):
-        _add_pair(kernel[k], column[reach - k:reach - k + width],
-                  column[reach + k:reach + k + width], out)
+    _smooth(kernel, inner, _shifted(column, reach, 1), _shifted(column, reach, 2), out)
+    for k in range(3, len(kernel)):
+        _add_pair(kernel[k], _shifted(column, reach, k), out)
 
 
 @inlined
