@@ -129,11 +129,7 @@ class Detector:
         self._ended('noise')
         self.frame = frame = self._compute_frame(gray, region, grain)
         self._ended('gradients')
-        memory.reserve(edges.find(frame.dx, frame.dy, frame.low, frame.high, memory.rows,
-                                  memory.edges))
-        if region.masked:
-            np.multiply(memory.edges, region.seen, memory.edges)
-        edges.surround(memory.edges, memory.around)
+        memory.reserve(edges.find(frame, memory.rows, memory.edges, memory.around))
         self._ended('edges')
         offsets = self._trace(frame, limits.min_points)
         self._ended('chains')

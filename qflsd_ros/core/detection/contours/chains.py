@@ -45,7 +45,7 @@ class EdgeMap(NamedTuple):
     """The edge pixels of an image and its gradients, as flat arrays of rows of pixels."""
 
     edges: np.ndarray       # (H W + padding,) uint8, as edges.find leaves it
-    around: np.ndarray      # (H W,) uint8, as edges.surround leaves it
+    around: np.ndarray      # (H W,) uint8, as edges.find leaves it
     steps: np.ndarray       # (8,) int64: from a pixel to its neighbours
     dx: np.ndarray          # (H W,) int16 gradients
     dy: np.ndarray

@@ -14,6 +14,7 @@ import numpy as np
 from qflsd_ros.core.compilation import compiled, inlined
 from qflsd_ros.core.detection.contours.gradients import GAIN
 from qflsd_ros.core.detection.contours.sectors import ALONG_X, write_sectors
+from qflsd_ros.core.detection.frame import Frame
 
 # Bits of a pixel of the edge map, which is 0 off the edges: EDGE; STRONG, a strong pixel that no
 # chain has reached yet; VISITED, a pixel of a chain; and the sector of the gradient.
@@ -67,9 +68,27 @@ def _thin(rows: Rows, row: int, low: np.int32, high: np.int32, edges: np.ndarray
     return found
 
 
+@inlined
+def _hide(seen: np.ndarray, edges: np.ndarray) -> None:
+    """Remove the edge pixels of a row that are not ``seen``."""
+    for i in range(len(edges)):
+        edges[i] *= np.uint8(seen[i])
+
+
+@inlined
+def _surround(up: np.ndarray, here: np.ndarray, down: np.ndarray, around: np.ndarray) -> None:
+    """Write which of the 8 neighbours of each pixel in a row are edge pixels: a bit for each."""
+    out = around[1:-1]
+    e, w, n, s = here[2:], here[:-2], up[1:-1], down[1:-1]
+    ne, nw, se, sw = up[2:], up[:-2], down[2:], down[:-2]
+    for i in range(len(out)):
+        out[i] = ((e[i] & EDGE) >> 7 | (se[i] & EDGE) >> 6 | (s[i] & EDGE) >> 5
+                  | (sw[i] & EDGE) >> 4 | (w[i] & EDGE) >> 3 | (nw[i] & EDGE) >> 2
+                  | (n[i] & EDGE) >> 1 | ne[i] & EDGE)
+
+
 @compiled
-def find(dx: np.ndarray, dy: np.ndarray, low: float, high: float, rows: Rows,
-         edges: np.ndarray) -> int:
+def find(frame: Frame, rows: Rows, edges: np.ndarray, around: np.ndarray) -> int:
     """
     Find the pixels at which the magnitude is largest across the edge (Canny).
 
@@ -79,23 +98,25 @@ def find(dx: np.ndarray, dy: np.ndarray, low: float, high: float, rows: Rows,
 
     Parameters
     ----------
-    dx, dy
-        (H, W) int16, as :func:`gradients` leaves them; H and W at least 3.
-    low, high
-        Magnitudes in grey levels from which on a pixel is weak or strong.
+    frame
+        The gradients, and the thresholds of weak and strong pixels; H and W are at least 3.
     rows
         Scratch.
     edges
         (H, W) uint8, takes EDGE, the sector of the gradient (:mod:`sectors`) and, if it is strong,
         STRONG at edge pixels, and 0 elsewhere and in the outermost rows and columns.
+    around
+        (H, W) uint8, receives which neighbours are edge pixels: bit i for neighbour i of
+        :data:`STEPS`.  The outermost rows and columns are left as they are.
 
     Returns
     -------
-    Number of edge pixels.
+    Number of edge pixels, masked ones included.
 
     """
-    height, width = edges.shape
-    weak, strong = np.int32(math.ceil((GAIN * low) ** 2)), np.int32(math.ceil((GAIN * high) ** 2))
+    dx, dy, (height, width) = frame.dx, frame.dy, edges.shape
+    low, high = (np.int32(math.ceil((GAIN * frame.low) ** 2)),
+                 np.int32(math.ceil((GAIN * frame.high) ** 2)))
     edges[0], edges[height - 1], edges[:, 0], edges[:, width - 1] = 0, 0, 0, 0
     _square(dx[0], dy[0], rows.squares[0])
     _square(dx[1], dy[1], rows.squares[1])
@@ -103,27 +124,13 @@ def find(dx: np.ndarray, dy: np.ndarray, low: float, high: float, rows: Rows,
     for row in range(1, height - 1):
         _square(dx[row + 1], dy[row + 1], rows.squares[(row + 1) % 3])
         write_sectors(dx[row], dy[row], rows.sectors)
-        count += int(_thin(rows, row, weak, strong, edges[row]))
+        count += int(_thin(rows, row, low, high, edges[row]))
+        if frame.region.masked:
+            _hide(frame.region.seen[row], edges[row])
+        if row > 1:
+            _surround(edges[row - 2], edges[row - 1], edges[row], around[row - 1])
+    _surround(edges[height - 3], edges[height - 2], edges[height - 1], around[height - 2])
     return count
-
-
-@compiled
-def surround(edges: np.ndarray, around: np.ndarray) -> None:
-    """
-    Find the edge pixels among the 8 neighbours of each pixel.
-
-    ``edges`` is (H, W) uint8, as :func:`find` leaves it.  ``around``, (H, W) uint8, receives bit i
-    for neighbour i of :data:`STEPS`; its outermost rows and columns are left as they are.
-    """
-    for row in range(1, len(edges) - 1):
-        up, here, down = edges[row - 1], edges[row], edges[row + 1]
-        out = around[row, 1:-1]
-        e, w, n, s = here[2:], here[:-2], up[1:-1], down[1:-1]
-        ne, nw, se, sw = up[2:], up[:-2], down[2:], down[:-2]
-        for i in range(len(out)):
-            out[i] = ((e[i] & EDGE) >> 7 | (se[i] & EDGE) >> 6 | (s[i] & EDGE) >> 5
-                      | (sw[i] & EDGE) >> 4 | (w[i] & EDGE) >> 3 | (nw[i] & EDGE) >> 2
-                      | (n[i] & EDGE) >> 1 | ne[i] & EDGE)
 
 
 @inlined

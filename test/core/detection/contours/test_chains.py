@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 from qflsd_ros.core.detection.contours import chains, edges, gradients
 from qflsd_ros.core.detection.contours.edges import STRONG, VISITED
+from qflsd_ros.core.detection.frame import Frame
+from qflsd_ros.core.detection.region import region
 
 LOW, HIGH = 4.0, 10.0       # grey levels
 images = arrays(np.uint8, st.tuples(st.integers(5, 25), st.integers(5, 25)),
@@ -24,8 +26,8 @@ def find(gray: np.ndarray, min_points: int = 1) -> tuple[Chains, np.ndarray, np.
     width = gray.shape[1]
     edge_map, around = flat[:gray.size].reshape(gray.shape), np.empty(gray.shape, np.uint8)
     rows = edges.Rows(np.empty((3, width), np.int32), np.empty(width, np.uint8))
-    size = max(1, edges.find(dx, dy, LOW, HIGH, rows, edge_map))
-    edges.surround(edge_map, around)
+    frame = Frame(dx, dy, region(gray.shape, None), 0.0, 0.7, LOW, HIGH)
+    size = max(1, edges.find(frame, rows, edge_map, around))
     before = edge_map.copy()
     pixels, offsets = np.empty(size, np.int32), np.empty(size // min_points + 2, np.int64)
     count = chains.trace(chains.edge_map(flat, around, dx, dy), flat.view(np.uint64), min_points,
