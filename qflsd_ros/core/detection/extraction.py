@@ -97,9 +97,10 @@ def _longest(points: np.ndarray, bounds: Span, span: int, limits: Limits) -> Spa
     """Return the longest run that a window of ``span`` points finds within bounds."""
     best_lo, best_hi = NO_RUN
     room = bounds[1] + 1 - bounds[0] - span
-    # Windows begin half a span apart at most; their number is even: none lies in the middle.
+    # Windows begin half a span apart at most; their number is even, so that none lies in the
+    # middle, unless one window holds all.
     steps = 2 * room // span | 1
-    for i in range(steps + 1):
+    for i in range(steps + 1 if room > 0 else 1):
         begin = bounds[0] + place(i, room, steps)
         lo, hi = _hypothesis(points, bounds, (begin, begin + span - 1), limits)
         longer = (hi - lo) - (best_hi - best_lo)
