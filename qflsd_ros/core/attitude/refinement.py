@@ -22,6 +22,7 @@ import numpy as np
 from qflsd_ros.core.attitude.great_circles import (
     bends, DEVIATION, Line, line, NORMAL_X, NORMAL_Y, X, Y)
 from qflsd_ros.core.attitude.vanishing import NONE, TOGETHER
+from qflsd_ros.core.cholesky import factorise, solve
 from qflsd_ros.core.compilation import compiled, inlined, summed
 
 # Degrees of freedom of Student's distribution of an arc's angle, whose tails are heavy; chosen,
@@ -42,7 +43,7 @@ SETTLED = 3e-3              # gain in log likelihood below which a step is the l
 
 
 class Memory(NamedTuple):
-    """What a refinement works in; n = UNKNOWNS."""
+    """Working memory of a refinement; n = UNKNOWNS."""
 
     points: np.ndarray      # (3, 3) vanishing points of the axes
     hessian: np.ndarray     # (n, n), and slope, of the state
@@ -200,24 +201,14 @@ def _keep(memory: Memory) -> None:
 
 @compiled
 def _solve(memory: Memory, damping: float) -> None:
-    """Set step to -(H + damping diag H)^-1 slope, by Cholesky's factors."""
-    h, g, low, step = memory.hessian, memory.slope, memory.factor, memory.step
+    """Set step to -(H + damping diag H)^-1 slope."""
     for r in range(UNKNOWNS):
-        for c in range(r + 1):
-            value = h[c, r] if c < r else h[r, r] * (1 + damping) + TINY
-            for k in range(c):
-                value -= low[r, k] * low[c, k]
-            low[r, c] = value / low[c, c] if c < r else math.sqrt(max(value, TINY))
-    for r in range(UNKNOWNS):
-        value = -g[r]
-        for k in range(r):
-            value -= low[r, k] * step[k]
-        step[r] = value / low[r, r]
-    for r in range(UNKNOWNS - 1, -1, -1):
-        value = step[r]
-        for k in range(r + 1, UNKNOWNS):
-            value -= low[k, r] * step[k]
-        step[r] = value / low[r, r]
+        memory.step[r] = -memory.slope[r]
+        for c in range(r):
+            memory.factor[r, c] = memory.hessian[r, c]
+        memory.factor[r, r] = memory.hessian[r, r] * (1 + damping) + TINY
+    factorise(memory.factor, UNKNOWNS)      # definite, as the damping is
+    solve(memory.factor, memory.step, UNKNOWNS)
 
 
 @compiled
@@ -269,11 +260,11 @@ def refine(seen: np.ndarray, start: np.ndarray, prior: Prior, steps: int) -> Fit
     seen
         (N, COLUMNS) observations.
     start
-        (STATE,)
+        (STATE,) float64, the state to begin with.
     prior
-        Of all but the axes.
+        Prior of all unknowns but the axes.
     steps
-        Most steps, good and bad ones.
+        Largest number of steps, rejected ones included.
 
     """
     n, state = UNKNOWNS, start.copy()

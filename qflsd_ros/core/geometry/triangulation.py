@@ -20,6 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from qflsd_ros.core.cholesky import factorise, solve
 from qflsd_ros.core.compilation import compiled, inlined
 from qflsd_ros.core.geometry.lines import Lines
 from qflsd_ros.core.geometry.views import (
@@ -31,6 +32,7 @@ from qflsd_ros.core.geometry.views import (
 # number of views that agree.
 (POINT, DIRECTION, SIDE, FIRST, LAST, COVARIANCE, PARALLAX, DISTANCE, MISFIT, AGREED,
  RESULT) = 0, 3, 6, 12, 13, 14, 30, 31, 32, 33, 34
+UNKNOWNS = 4        # of a line: two shifts across and two tilts
 # Degrees of freedom of Student's distribution of a residual: heavy tails, as for most robust fits.
 NU = 4.0
 STEPS = 6           # Gauss-Newton steps; the change is below rounding after 3 to 5
@@ -54,9 +56,9 @@ BEYOND = 0.25
 class Memory(NamedTuple):
     """Memory of the kernels for K views of a line."""
 
-    hessian: np.ndarray     # (4, 4), by two shifts across and two tilts
+    # (4, 4) by two shifts across and two tilts, the lower half; then its factor
+    hessian: np.ndarray
     slope: np.ndarray       # (4,)
-    factor: np.ndarray      # (4, 4), Cholesky's
     squares: np.ndarray     # (K,) squared residuals
     ordered: np.ndarray     # (K,)
     weights: np.ndarray     # (K,)
@@ -86,7 +88,7 @@ def triangulate(views: np.ndarray, counts: np.ndarray) -> Lines:
 def results(views: np.ndarray, counts: np.ndarray) -> np.ndarray:
     """Return the lines of :func:`triangulate` as rows, (N, RESULT), for :func:`as_lines`."""
     rows = np.empty((len(views), RESULT))
-    memory = Memory(np.empty((4, 4)), np.empty(4), np.empty((4, 4)),
+    memory = Memory(np.empty((UNKNOWNS, UNKNOWNS)), np.empty(UNKNOWNS),
                     *(np.empty(views.shape[1]) for _ in range(3)))
     _triangulate(views, counts, rows, memory)
     return rows
@@ -179,7 +181,7 @@ def _derivative(view: np.ndarray, column: int, m: Vector, size: float, change: V
 
 @compiled
 def _add(view: np.ndarray, line: Line, weight: float, memory: Memory) -> None:
-    """Add a view to the upper half of the Hessian and to the slope."""
+    """Add a view to the lower half of the Hessian and to the slope."""
     a, b = _sides(line)
     m, size = moment(view, line)
     qx, qy, qz = line[0] - view[CENTRE], line[1] - view[CENTRE + 1], line[2] - view[CENTRE + 2]
@@ -193,42 +195,10 @@ def _add(view: np.ndarray, line: Line, weight: float, memory: Memory) -> None:
              _derivative(view, column, m, size, shift_b),
              _derivative(view, column, m, size, tilt_a),
              _derivative(view, column, m, size, tilt_b))
-        for r in range(4):
+        for r in range(UNKNOWNS):
             memory.slope[r] += weight * off * j[r]
-            for c in range(r, 4):
-                memory.hessian[r, c] += weight * j[r] * j[c]
-
-
-@compiled
-def _factorise(memory: Memory) -> bool:
-    """Set Cholesky's factor of the Hessian; return False where it has none."""
-    h, low = memory.hessian, memory.factor
-    for r in range(4):
-        for c in range(r + 1):
-            value = h[c, r]
-            for k in range(c):
-                value -= low[r, k] * low[c, k]
-            if c < r:
-                low[r, c] = value / low[c, c]
-            elif value > 1e-14 * h[r, r]:
-                low[r, r] = math.sqrt(value)
-            else:
-                return False
-    return True
-
-
-@compiled
-def _solve(memory: Memory) -> None:
-    """Replace the slope g by H^-1 g."""
-    low, x = memory.factor, memory.slope
-    for r in range(4):
-        for k in range(r):
-            x[r] -= low[r, k] * x[k]
-        x[r] /= low[r, r]
-    for r in range(3, -1, -1):
-        for k in range(r + 1, 4):
-            x[r] -= low[k, r] * x[k]
-        x[r] /= low[r, r]
+            for c in range(r, UNKNOWNS):
+                memory.hessian[c, r] += weight * j[r] * j[c]
 
 
 @compiled
@@ -238,9 +208,9 @@ def _step(views: np.ndarray, count: int, line: Line, memory: Memory) -> tuple[Li
     for k in range(count):
         if memory.weights[k] > 0:
             _add(views[k], line, memory.weights[k], memory)
-    if not _factorise(memory):
+    if not factorise(memory.hessian, UNKNOWNS):
         return line, False
-    _solve(memory)
+    solve(memory.hessian, memory.slope, UNKNOWNS)
     a, b = _sides(line)
     x, y, u, v = memory.slope[0], memory.slope[1], memory.slope[2], memory.slope[3]
     dx, dy, dz = (line[3] - u * a[0] - v * b[0], line[4] - u * a[1] - v * b[1],
@@ -383,15 +353,15 @@ def _report(views: np.ndarray, count: int, line: Line, result: np.ndarray, memor
     scale = max(total / (dof * expected / (2 * agreed)), 1.0)
     result[PARALLAX], result[AGREED] = _parallax(views, count, memory) / scale, agreed
     result[DISTANCE], result[MISFIT] = distance / agreed, math.sqrt(total / dof)
-    if not _factorise(memory):
+    if not factorise(memory.hessian, UNKNOWNS):
         result[PARALLAX] = 0.0
         return
-    for c in range(4):
+    for c in range(UNKNOWNS):
         memory.slope[:] = 0.0
         memory.slope[c] = scale
-        _solve(memory)
-        for r in range(4):
-            result[COVARIANCE + 4 * r + c] = memory.slope[r]
+        solve(memory.hessian, memory.slope, UNKNOWNS)
+        for r in range(UNKNOWNS):
+            result[COVARIANCE + UNKNOWNS * r + c] = memory.slope[r]
     a, b = _sides(line)
     for k in range(3):
         result[POINT + k], result[DIRECTION + k] = line[k], line[3 + k]

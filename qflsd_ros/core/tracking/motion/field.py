@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from qflsd_ros.core.cholesky import factorise, solve
 from qflsd_ros.core.compilation import compiled, inlined
 from qflsd_ros.core.tracking.motion.looks import Looks, nearest, NX, NY, WAS_X, WAS_Y, X, Y
 
@@ -61,28 +62,6 @@ def motion(field: np.ndarray, x: float, y: float, width: int, height: int,
     x, y = scaled(x, y, width, height)
     _terms(x, y, phi)
     return _at(field, phi)
-
-
-@compiled
-def _solve(a: np.ndarray, b: np.ndarray, n: int) -> None:
-    """Solve the first n of a x = b by Cholesky; ``a`` is positive definite, ``b`` becomes x."""
-    for i in range(n):
-        for j in range(i + 1):
-            total = a[i, j]
-            for k in range(j):
-                total -= a[i, k] * a[j, k]
-            if i == j:
-                a[i, i] = math.sqrt(max(total, 1e-12))
-            else:
-                a[i, j] = total / a[j, j]
-    for i in range(n):
-        for k in range(i):
-            b[i] -= a[i, k] * b[k]
-        b[i] /= a[i, i]
-    for i in range(n - 1, -1, -1):
-        for k in range(i + 1, n):
-            b[i] -= a[k, i] * b[k]
-        b[i] /= a[i, i]
 
 
 @inlined
@@ -144,7 +123,8 @@ def _step(looks: Looks, n: int, shape: tuple[int, int], memory: Memory, unknowns
         certain = 1 / CHANGES[_degree(i)] ** 2
         a[i, i] += certain
         b[i] += certain * (memory.prior[i] - memory.field[i])
-    _solve(a, b, unknowns)
+    factorise(a, unknowns)     # definite, as the prior is
+    solve(a, b, unknowns)
     for i in range(unknowns):
         memory.field[i] += b[i]
     return agreeing
