@@ -1,11 +1,13 @@
 """Which pictures the arguments of the command line stand for, and what they are called."""
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import cv2
 from hypothesis import given, strategies as st
 import numpy as np
+from pictures import write_video
 import pytest
 from qflsd_ros.cli import inputs
 from qflsd_ros.sources.frames import SourceError
@@ -25,13 +27,10 @@ def fail(text: str) -> None:
     pytest.fail(text)
 
 
-def make_video(path: Path, frames: int) -> None:
-    """Write a small video whose frames grow brighter."""
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*'MJPG'), 10, (64, 48))
-    assert writer.isOpened()
+def brighter(frames: int) -> Iterator[np.ndarray]:
+    """Yield small frames that grow brighter."""
     for number in range(frames):
-        writer.write(np.full((48, 64, 3), 5 * number, np.uint8))
-    writer.release()
+        yield np.full((48, 64, 3), 5 * number, np.uint8)
 
 
 def test_folders_give_images_and_videos_in_order(tmp_path: Path) -> None:
@@ -99,7 +98,7 @@ def test_reading_keeps_colours_and_ignores_orientation(tmp_path: Path) -> None:
 
 def test_videos_give_numbered_frames(tmp_path: Path) -> None:
     """Every frame of a video is a picture of its own, in order."""
-    make_video(tmp_path / 'v.avi', 5)
+    write_video(tmp_path / 'v.avi', brighter(5))
     frames = list(inputs.pictures(tmp_path / 'v.avi', 'v', '', fail, fail))
     assert [frame.name for frame in frames] == [f'v/{number:06d}' for number in range(5)]
     assert [frame.frame for frame in frames] == list(range(5))
@@ -111,7 +110,7 @@ def test_videos_give_numbered_frames(tmp_path: Path) -> None:
 def test_a_video_cut_short_gives_what_it_has_and_a_report(tmp_path: Path) -> None:
     """The frames before the damage are there; that some are missing is said."""
     path = tmp_path / 'v.avi'
-    make_video(path, 50)
+    write_video(path, brighter(50))
     path.write_bytes(path.read_bytes()[:path.stat().st_size // 2])
     reports: list[str] = []
     assert 0 < len(list(inputs.pictures(path, 'v', '', reports.append, fail))) < 50
