@@ -44,8 +44,8 @@ class Arcs:
     Attributes
     ----------
     table
-        Structured array (M,) of dtype :data:`TABLE`, a row for every arc.  An arc ends where its
-        edge does, which goes on for some px beyond the outermost edge points.
+        Structured array (M,) of dtype :data:`TABLE`, a row for every arc.  Arcs reach some px
+        beyond their outermost edge points, to the ends of their edges.
     edge_points
         (N, 2) float64, the subpixel edge points of all arcs, in order along each of them.
     edge_pixels
@@ -115,6 +115,11 @@ class Arcs:
             straight to within the tolerance.  Where it is not, chords are so short that on average
             they lie inside the arc by a sixth of the tolerance only.
 
+        Raises
+        ------
+        ValueError
+            The tolerance is not above 0.
+
         """
         if not tolerance > 0:
             raise ValueError(f'tolerance is {tolerance}: must be above 0 px')
@@ -154,8 +159,9 @@ class Arcs:
         Return the same arcs in the coordinates of an image ``factor`` times as large.
 
         A pixel of the small image is a block of ``factor`` x ``factor`` pixels of the large one,
-        from (0, 0) on: its centre x lies at ``(x + 0.5) * factor - 0.5``.  Of the edge pixels
-        each becomes the one at the centre of its block, or the last one before that.
+        from (0, 0) on: its centre x lies at ``(x + 0.5) * factor - 0.5``.  An edge pixel
+        becomes the pixel at the centre of its block; if factor is even, the upper left one of
+        the four at the centre.
         """
         if factor == 1:
             return self
@@ -177,7 +183,8 @@ class Arcs:
         """
         Return every arc as a polyline: a list of (K, 2) float64 arrays, in px.
 
-        K is 2 for what is straight to within ``tolerance`` px.
+        K is 2 for arcs that are straight to within ``tolerance`` px.  Raises ValueError if that
+        is not above 0.
         """
         points, counts = self.vertices(tolerance)
         ends = np.cumsum(counts).tolist()

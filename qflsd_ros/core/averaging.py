@@ -1,8 +1,8 @@
 """
 Averages of quantities that successive frames measure, with deviations that stay honest.
 
-Frames of the same scene have errors in common, which more frames do not average out.  What their
-scatter does not show of the variance that they state is therefore taken for common.
+Frames of the same scene have errors in common, which more frames do not average out.  The part of
+their stated variance that exceeds their scatter is therefore taken for that of common errors.
 """
 from __future__ import annotations
 

@@ -3,7 +3,7 @@ Compiled kernels on disk: a file for each kernel and signature, for numba to loa
 
 numba's own cache has an index for each function, which processes that start together overwrite
 with each other's, and it ends the program where a file of it is damaged or cannot be written.
-Here a file is written whole or not at all, and holds a digest of what it holds: a damaged one is
+Here a file is written whole or not at all, and ends with a digest of its content: a damaged one is
 removed, and its kernel compiled anew.
 
 The files are pickles, since numba knows no other form: whoever writes one can run code here. So
@@ -45,7 +45,7 @@ class NotKeptError(Exception):
 
 class Store:
     """
-    Files in a private folder; whatever goes wrong with them is logged once and ends nothing.
+    Files in a private folder; an error in reading or writing is logged once and raises nothing.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class Store:
     """
 
     def __init__(self, locate: Callable[[], Path]) -> None:
-        """Take what returns the folder; it is made when the first file is asked for."""
+        """Take a function that returns the folder, which is made when it is first needed."""
         self.is_final = False
         self._locate = locate
         self._folder: Path | None = None
@@ -77,7 +77,7 @@ class Store:
 
     @property
     def is_failing(self) -> bool:
-        """Whether something that should have been kept could not be."""
+        """Return whether a file could not be written."""
         return 'unkept' in self._warned
 
     def read(self, name: str) -> bytes | None:
@@ -155,7 +155,7 @@ class Store:
 
 
 class KernelCache(_Cache):
-    """What numba asks for the compiled code of one kernel."""
+    """The cache of one kernel's compiled code, with the interface that numba requires."""
 
     def __init__(self, function: Callable[..., Any], store: Store) -> None:
         """Take the kernel in Python, and where compiled ones are."""
@@ -185,7 +185,7 @@ class KernelCache(_Cache):
             self._store.write(self._name(sig, data.codegen), dumps(data._reduce()))
 
     def enable(self) -> None:
-        """Do nothing: numba asks for it and never for the opposite."""
+        """Do nothing, since the cache is always enabled; numba requires the method."""
 
     disable = flush = enable
 

@@ -50,7 +50,17 @@ def check(owner: Any) -> None:
 
 
 def meant(field: dataclasses.Field[Any], value: Any) -> Any:
-    """Return a value converted to the type of its field, if that does not change its meaning."""
+    """
+    Return a value converted to the type of its field, if that does not change its meaning.
+
+    Raises
+    ------
+    TypeError
+        The value has another type.
+    ValueError
+        It is an integer that no field can hold, or not finite.
+
+    """
     if isinstance(value, np.generic):
         value = value.item()
     if type(value) is int and isinstance(field.default, float) and value.bit_length() <= LONGEST:

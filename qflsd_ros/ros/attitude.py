@@ -124,9 +124,9 @@ def given_focal(settings: Settings) -> float | None:
 
 def roll_and_pitch(up: np.ndarray) -> tuple[float, float]:
     """
-    Return the angles of a camera against an upright one, degrees.
+    Return roll and pitch of a camera, degrees; both are 0 for an upright, level camera.
 
-    The camera is rolled to its right, and looks up by the pitch.
+    Roll is positive if the camera leans to its right, pitch if it looks upwards.
     """
     x, y, z = up.tolist()
     return math.degrees(math.atan2(-x, -y)), math.degrees(math.asin(min(max(z, -1.0), 1.0)))

@@ -23,7 +23,7 @@ VIDEO_SUFFIXES = ('.avi', '.m4v', '.mkv', '.mov', '.mp4', '.mpeg', '.mpg', '.web
 
 
 class Kind(Enum):
-    """What a path is read as."""
+    """The kind of input that a path is read as."""
 
     IMAGE = 'image'
     VIDEO = 'video'

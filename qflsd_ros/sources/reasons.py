@@ -11,9 +11,9 @@ class Reason(Enum):
     Attributes
     ----------
     phrase
-        What frames are counted by, and what diagnostics and the log call it.
+        Its short name, by which diagnostics count frames and which begins lines of the log.
     meaning
-        A line on it for the table of doc/troubleshooting.md.
+        Its explanation in the table of doc/troubleshooting.md.
 
     """
 

@@ -72,7 +72,7 @@ class Attitude:
         (3,) float64 unit vector upwards in the optical frame (x right, y down, z forward), or
         None where it is not observable.
     up_std
-        Standard deviation of its direction, radians, on the worse side; None without it.
+        Its standard deviation, radians, towards the less certain side; None if up is None.
     directions
         (K, 3) float64 unit vectors in the optical frame: three orthogonal ones, the vertical one
         first, and further horizontal ones.  The first one points up, all others forward.
@@ -82,10 +82,11 @@ class Attitude:
         The lens, from the curvature of arcs and their directions together; its lambda is that of
         :meth:`rays`.
     mu
-        What the lens leaves of the division model, see :mod:`great_circles`.
+        Deviation of the lens from the division model, see :mod:`great_circles`.
     camera
-        (3, 3) float64, from directions to homogeneous px of the undistorted image, relative to the
-        distortion centre: the most likely focal length, observable or not, and optical centre.
+        (3, 3) float64 camera matrix: maps directions to homogeneous px of the undistorted image,
+        relative to the distortion centre.  It has the optical centre, and the most likely focal
+        length even where that is not observable.
     calibration
         The calibrated camera if that was given: then ``lens`` and ``camera`` are those of the
         stereographic camera of the same focal length, and ``rays`` are the calibration's.
@@ -150,8 +151,8 @@ def estimate_attitude(arcs: Arcs, shape: tuple[int, int],
     focal
         Focal length in px at the distortion centre if it is known, else None.
     up_hint
-        About where up is in the optical frame (x right, y down, z forward): up is the axis
-        closest to it, within 45 degrees at best.
+        Approximate direction of up in the optical frame (x right, y down, z forward).  The axis
+        closest to it is taken for up, so that it must be right to within 45 degrees.
 
     Returns
     -------
@@ -177,7 +178,7 @@ def estimate_attitude(arcs: Arcs, shape: tuple[int, int],
 
 def attitude_of(arcs: Arcs, shape: tuple[int, int], lens: Lens, focal: float | None,
                 up_hint: tuple[float, float, float]) -> Attitude:
-    """Return the same as :func:`estimate_attitude`; Unobservable with the reason for None."""
+    """Return what :func:`estimate_attitude` does; instead of None, raise Unobservable."""
     hint = direction(up_hint)
     view = view_of(arcs, shape, lens, focal)
     return describe(search(used(view), view.prior()), view, lambda axes: arranged(axes, hint))
@@ -208,7 +209,7 @@ def _abstain(reason: str) -> None:
 
 
 def used(view: View) -> np.ndarray:
-    """Return the observations that the estimate is made of; Unobservable if they are too few."""
+    """Return the observations of the longest arcs; raise Unobservable if they are too few."""
     count = len(view.observed.arcs)
     if count < LEAST_ARCS:
         raise Unobservable(f'{count} arcs, must be at least {LEAST_ARCS}')
@@ -217,9 +218,9 @@ def used(view: View) -> np.ndarray:
 
 def most_likely(probabilities: np.ndarray) -> np.ndarray:
     """
-    Return the direction of each arc if that is more likely than not, or -1: (M,) int64.
+    Return the most likely direction of each arc, or -1 if its probability is below 1/2: (M,) int64.
 
-    ``probabilities`` are those that an arc points in each of the directions, (M, K).
+    ``probabilities``, (M, K), are those of arc i to point in direction k.
     """
     best = np.argmax(probabilities, axis=1)
     return np.where(probabilities[np.arange(len(best)), best] > 0.5, best, -1)
@@ -229,7 +230,7 @@ def describe(solution: Solution, view: View, arrange: Callable[[np.ndarray], np.
              further: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray] = horizontal,
              label: Callable[[np.ndarray], np.ndarray] = most_likely) -> Attitude:
     """
-    Return the attitude of the best fit, without what is not observable.
+    Return the attitude of the best fit; focal length or up is None if it is not observable.
 
     Parameters
     ----------
@@ -273,7 +274,11 @@ def describe(solution: Solution, view: View, arrange: Callable[[np.ndarray], np.
 
 
 def arranged(axes: np.ndarray, hint: np.ndarray) -> np.ndarray:
-    """Return the axes, the one that is closest to the hint first; it points up, others forward."""
+    """
+    Return axes, rows of (3, 3), in order and with signs.
+
+    The axis closest to the hint comes first and points up; the others point forward.
+    """
     axes = axes[np.argsort(-np.abs(axes @ hint), kind='stable')]
     signs = np.where(axes[:, 2] < 0, -1.0, 1.0)
     signs[0] = math.copysign(1.0, axes[0] @ hint)
@@ -301,7 +306,7 @@ def focal_of(solution: Solution, fit: Fit, view: View
 
 
 def log_focal_std(solution: Solution, fit: Fit) -> float:
-    """Return the standard deviation of ln f, with the errors that arcs share."""
+    """Return the standard deviation of ln f, including the errors that arcs have in common."""
     shared = solution.scale ** 2 * math.hypot(SHARED_FOCAL, SHARED_FOCAL_LENS * curved(fit))
     return math.hypot(math.sqrt(fit.covariance[3, 3]), shared)
 

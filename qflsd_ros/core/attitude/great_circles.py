@@ -7,20 +7,20 @@ image is q(p) = (x, y, w) in the undistorted one, in homogeneous coordinates, wi
     w(r) = 1 + lambda r^2 + mu r^2 (r^2 - KNOT),  r = |p|.
 
 Lambda is that of the division model; mu is its error, as real fisheyes leave it: a stereographic
-lens has mu = 0, an equidistant one about -lambda^2 / 5.  At the radius where the lens estimate
-comes from mu does not change w.  With k = w' / r the image of a straight edge through p with the
+lens has mu = 0, an equidistant one about -lambda^2 / 5.  At r^2 = KNOT, about the radius of the
+arcs that determine lambda, mu does not change w.  With k = w' / r the image of a straight edge through p with the
 unit normal n = (u, v) there is the line l q = 0 of
 
     l(n) = (w u - k t y, w v + k t x, -(u x + v y)),  t = u y - v x,
 
 linear in lambda and mu.  The same with the tangent instead of the normal, b, is the line at
-right angles.  Of all images of straight edges through p and the vanishing point v, the one
-deviates from the arc by the angle e at p, *in the distorted image*, with
+right angles.  The image of the straight edge through p and the vanishing point v deviates from the
+arc at p, *in the distorted image*, by the angle e with
 
     tan e = (l v) / (b v).
 
-Residuals in the undistorted image would grow towards its rim, and pull the estimate to a lens
-that shrinks it.
+Residuals in the undistorted image would grow towards its rim, and would bias the estimate to a lens
+that shrinks the image.
 """
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ class TrackLabels:
         probabilities
             (M, K), that an arc points in each of the directions.
         same
-            The first so many directions are those of the last frame, all others are new.
+            Number of directions that are those of the last frame; they come before new ones.
 
         """
         labels, means, frames = most_likely(probabilities), probabilities, np.ones(len(arcs))

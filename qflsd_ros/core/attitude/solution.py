@@ -45,7 +45,7 @@ class Unobservable(Exception):
 
 class Solution(NamedTuple):
     """
-    What the arcs of an image say.
+    The most likely axes and cameras for the arcs of an image.
 
     Attributes
     ----------
@@ -54,9 +54,9 @@ class Solution(NamedTuple):
     seen
         The observations, with deviations that fit their residuals.
     scale
-        The factor of these.
+        Factor by which these deviations were multiplied.
     prior
-        Of all fits.
+        Prior of all fits.
 
     """
 
@@ -152,10 +152,10 @@ def _distinct(fits: list[Fit], count: int) -> list[Fit]:
 
 def supported(solution: Solution) -> Fit:
     """
-    Return the best fit without the arcs of axes that few point to.
+    Return the best fit, without the arcs along axes that few arcs support.
 
-    Some of many arcs point along any axis by chance, and would determine it.  Unobservable if
-    fewer than two axes count.
+    Of many arcs, some point along any axis by chance, and would seem to determine it.  Raises
+    Unobservable if fewer than two axes are left.
     """
     best = solution.fits[0]
     rows = lines(solution.seen, best.state[LAMBDA], best.state[MU])
@@ -177,7 +177,7 @@ def axes_of(state: np.ndarray) -> np.ndarray:
 
 
 def camera_of(state: np.ndarray) -> np.ndarray:
-    """Return K, from directions to vanishing points in half diagonals: (3, 3)."""
+    """Return the matrix K that maps directions to vanishing points, half diagonals: (3, 3)."""
     focal = math.exp(state[LOG_FOCAL])
     return np.array([[focal, 0, state[CENTRE]], [0, focal, state[CENTRE + 1]], [0, 0, 1]])
 

@@ -59,7 +59,7 @@ class AttitudeTracker:
     Parameters
     ----------
     up_hint
-        About where up is in the optical frame at first, see :func:`estimate_attitude`.
+        Approximate direction of up in the first frame, see :func:`estimate_attitude`.
 
     Attributes
     ----------
@@ -120,7 +120,7 @@ class AttitudeTracker:
         Parameters
         ----------
         arcs, shape, lens, focal
-            Those of :func:`estimate_attitude`.  All begins anew when the shape changes.
+            Those of :func:`estimate_attitude`.  The tracker begins anew when the shape changes.
 
         """
         if shape != self._shape:
@@ -247,7 +247,7 @@ class AttitudeTracker:
 
 
 def matched(axes: np.ndarray, last: np.ndarray) -> np.ndarray:
-    """Return axes, rows of (3, 3), in that order and with those signs that are nearest others."""
+    """Return axes, rows of (3, 3), ordered and with signs so as to be nearest to the last ones."""
     cosines = last @ axes.T
     order = ORDERS[np.abs(cosines[range(3), ORDERS]).sum(axis=1).argmax()]
     return axes[order] * np.sign(cosines[range(3), order])[:, None]

@@ -175,7 +175,7 @@ def extract(points: np.ndarray, offsets: np.ndarray, limits: Limits, todo: np.nd
     offsets
         (chains + 1,) int64: the first point of each chain, and the number of points.
     limits
-        Of the frame.
+        Limits of the frame.
     todo
         (R, 3) int64, working memory; R >= E / limits.min_points + 1.
     runs

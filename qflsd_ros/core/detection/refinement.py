@@ -255,7 +255,7 @@ def refine(found: Found, frame: Frame, limits: Limits) -> Arcs:
     frame
         The image.
     limits
-        Of the frame; arcs shorter than its ``min_length`` after the fit are left out.
+        Limits of the frame; arcs shorter than its ``min_length`` after the fit are left out.
 
     """
     blur = Blur(math.hypot(frame.noise, noise.of_gradient(ROUNDING, frame.blur)),

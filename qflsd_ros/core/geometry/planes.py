@@ -74,13 +74,14 @@ def _samples(arcs: Arcs) -> tuple[np.ndarray, np.ndarray]:
 
 def _shapes(table: np.ndarray) -> np.ndarray:
     """
-    Return how arcs may lie off across, along them: (M, S, 3) px, a standard deviation each.
+    Return deviations of arcs across, at points along them: (M, S, 3) px, one standard deviation.
 
-    These are shift, turn and bend, which are independent for points spread evenly over a length:
-    that of the fitted points, which ends before corners.  With the variance u of their mean, the
-    curvature that they tell has 720 u / length^4, the middle has 9 u / 4 where the curvature was
-    fitted, and u where it was not: then a lens says how it is bent, or, without a lens, it is 0
-    since what was told did not differ from that, and is as uncertain.
+    The three are shift, turn and bend.  They are independent for points spread evenly over a
+    length, here that of the fitted points, which ends before corners.  If the mean of the points
+    has the variance u, a fitted curvature has the variance 720 u / length^4, and the middle of the
+    arc 9 u / 4.  Where the curvature was not fitted, the middle has the variance u.  There the
+    curvature follows from the lens, without error of its own; or, without a lens, it is 0 because
+    the fitted one did not differ from 0 significantly, and has the variance of that.
     """
     bent, std = table['bent'] == 1, table['curvature_std']
     shift = np.where(bent, 2 / 3, 1) * table['offset_std']

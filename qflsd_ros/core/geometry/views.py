@@ -84,11 +84,13 @@ def observed(planes: Planes, pose: Pose, flaw: float = FLAW) -> np.ndarray:
 
 @inlined
 def cross(ax: float, ay: float, az: float, bx: float, by: float, bz: float) -> Vector:
+    """Return the cross product a x b."""
     return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
 
 
 @inlined
 def dot(row: np.ndarray, column: int, v: Vector) -> float:
+    """Return the scalar product of v and three columns of a row, the first of which is given."""
     return row[column] * v[0] + row[column + 1] * v[1] + row[column + 2] * v[2]
 
 

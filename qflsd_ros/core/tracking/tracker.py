@@ -53,7 +53,7 @@ class Tracker:
         self._detector.parameters = parameters
 
     def warm_up(self) -> None:
-        """Compile all kernels, the detector's too, or load them from numba's cache."""
+        """Compile all kernels, the detector's too, or load compiled ones from disk."""
         gray = np.zeros((64, 64), np.uint8)
         gray[16:48, 16:48] = 255
         tracker = Tracker()

@@ -163,9 +163,9 @@ class Output(NamedTuple):
     message_type
         Type of its messages.
     build
-        Returns the message, or its serialised bytes, of a result and of whatever ``needs`` give.
+        Returns the message, or its serialised bytes.  Takes a result, then the values of ``needs``.
     needs
-        Functions of a result whose values ``build`` takes after it.
+        Functions that take a result; each raises FrameError if it has no value for that.
     passes
         Whether an image has a message on this topic; called once for each image while the topic
         has a subscription.

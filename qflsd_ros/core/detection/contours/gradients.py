@@ -3,7 +3,7 @@ Step 1a: the gradients of a smoothed image.
 
 Gradients are in grey levels: a step of h grey levels across an edge gives the magnitude h.
 One pass goes down the image row by row: rows of the image are smoothed into a ring of three rows,
-and the Sobel gradients of the middle one follow at once, so that what is needed stays in the
+and the Sobel gradients of the middle one follow at once, so that these rows stay in the
 first cache of the processor.  Gradients are rounded to 1/64 grey level, so that edges of low
 contrast are located as exactly as others.
 """

@@ -97,7 +97,7 @@ def _responses(gray: np.ndarray, where: Region, responses: np.ndarray) -> tuple[
 
 
 def blur(least: float, noise: float) -> float:
-    """Return the standard deviation, px, of the blur: ``least``, plus what the noise needs."""
+    """Return the standard deviation, px, of the blur: ``least``, and more against noise."""
     return math.hypot(least, min(BLUR * noise, MOST_BLUR))
 
 

@@ -221,7 +221,7 @@ def join(pieces: Pieces, memory: Memory, frame: Frame, limits: Limits) -> Joined
     frame
         The image: no arc is joined across masked pixels.
     limits
-        Of the frame.
+        Limits of the frame.
 
     """
     m = len(pieces.sums)

@@ -30,7 +30,7 @@ class Looks(NamedTuple):
 
 
 def memory(normals: int) -> Looks:
-    """Return memory for so many normals."""
+    """Return memory for a number of normals."""
     return Looks(np.empty((normals, COLUMNS)), np.empty((normals, EDGES)),
                  np.empty(normals, np.int64), np.empty(EDGES))
 
