@@ -7,9 +7,10 @@ import numpy as np
 from qflsd_ros.core.attitude.estimation import Attitude
 from qflsd_ros.overlay import DIRECTIONS, SUBPIXEL_BITS
 
+# All of these are chosen, not tuned.
 STEP = 8            # px between the points at which the horizon is sought; it bends little between
 ARROW = 0.2         # length of an axis at right angles to the view, of the shorter side
-HORIZON = (0, 255, 255)
+HORIZON = (0, 255, 255)     # B, G, R: yellow, which few places show
 
 
 def draw_attitude(picture: np.ndarray, attitude: Attitude, line_width: int = 1) -> None:

@@ -6,6 +6,7 @@ import numpy as np
 
 from qflsd_ros.overlay import colours
 
+# All of these are chosen, not tuned, unless stated otherwise.
 WIDTH = 640             # px of a view
 MARGIN = 24             # px about it
 BACKGROUND, EDGES, TEXT = (255, 255, 255), (190, 190, 190), (60, 60, 60)    # B, G, R
@@ -13,7 +14,7 @@ DARKER = 0.75           # factor of the colours of tracks, which are bright, on 
 # Axes of the world that point right and up in each view.
 VIEWS = {'from above': (0, 1), 'from the side': (0, 2)}
 SHOWN = (1.0, 99.0)     # percentiles of end points between which a view shows all
-FRACTION = 4            # bits of subpixel coordinates in OpenCV
+FRACTION = 4            # bits of OpenCV's subpixel coordinates: 1 / 16 px, invisible
 
 
 def draw_map(tracks: np.ndarray, ends: np.ndarray, truth: np.ndarray | None = None) -> np.ndarray:

@@ -29,10 +29,10 @@ import rclpy
 from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 
-PATIENCE = 120.0  # s until the first result must have come; the very first start compiles
-SPIN = 0.1  # s between two checks for a signal
+PATIENCE = 120.0  # s until the first result, several times what the very first start compiles for
+SPIN = 0.1  # s between two checks for a signal, which is at once for whoever presses Ctrl-C
 STILLS_RATE = 10.0  # Hz, of still images; slow enough that a picture of each one is written
-FAILED, USAGE, INTERRUPTED = 1, 2, 130  # exit codes
+FAILED, USAGE, INTERRUPTED = 1, 2, 130  # exit codes, as of a shell's commands
 
 
 class DemoError(Exception):

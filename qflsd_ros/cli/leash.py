@@ -14,7 +14,9 @@ import time
 
 from qflsd_ros.ros.__main__ import end_on_signals, main as run
 
-GRACE = 5.0  # s that the node has to end after SIGTERM, before it is killed
+# s that the node has to end after SIGTERM, before it is killed: many times what it takes, and half
+# of PATIENCE in cli/processes.py.
+GRACE = 5.0
 # The program of ``python -c START camera ...``. It removes the empty entry of sys.path, which
 # stands for the current folder: files there must not be imported. Python 3.10 has no option for
 # that.

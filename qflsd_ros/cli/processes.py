@@ -5,7 +5,8 @@ import signal
 import subprocess
 from typing import Mapping, Sequence
 
-PATIENCE = 10.0  # s for a process to end by itself after SIGINT
+# s for a process to end by itself after SIGINT; it takes 1 s, on a busy machine some.
+PATIENCE = 10.0
 
 
 class ProcessError(Exception):

@@ -17,7 +17,7 @@ from qflsd_ros.core.lens import estimation
 from qflsd_ros.sources.scene.scene import Scene, SceneFrames
 
 FAILED = 1              # exit code
-SMALL = (64, 48)        # width and height in px of an image that takes no time
+SMALL = (64, 48)        # px, width and height: compiles the same kernels, and takes no time
 
 
 def load_kernels() -> None:

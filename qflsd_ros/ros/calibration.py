@@ -11,7 +11,8 @@ from qflsd_ros.ros.input.subscriptions import CalibrationSubscription
 from qflsd_ros.ros.output.camera_info import CalibrationError, camera_model
 from qflsd_ros.ros.parameters.node_parameters import Settings
 
-# Deviations from which on a bend above max_bend is significant, and a focal length is another.
+# Deviations from which on a bend above max_bend is significant, and a focal length is another one.
+# Normal errors exceed 2 on one side in 2 %, and 3 in 0.3 % of cases; chosen, not tuned.
 SIGNIFICANT, OTHER_FOCAL = 2.0, 3.0
 
 Verdict = tuple[bytes, str, dict[str, str]]

@@ -13,8 +13,7 @@ import numpy as np
 # A camera counts as silent after PATIENCE s and PERIODS of its own periods without a frame.  Two
 # reports pass in PATIENCE, because one may come early; with two periods, a camera of 1 Hz that
 # skips one frame would cause a warning.
-PATIENCE = 2.0
-PERIODS = 3
+PATIENCE, PERIODS = 2.0, 3
 RECENT = 9  # periods whose median is the camera's: up to four of them may be gaps
 
 

@@ -14,9 +14,8 @@ from qflsd_ros.sources.depth import eight_bits, WHITE
 from qflsd_ros.sources.frames import FrameError
 from qflsd_ros.sources.reasons import Reason
 
-# Limits: beyond any camera, and small enough that a decoded image takes less than 1 GB.
-MAX_SIDE = 32768        # px
-MAX_PIXELS = 1 << 27    # 134 megapixels
+MAX_SIDE = 32768        # px, beyond any camera
+MAX_PIXELS = 1 << 27    # 134 megapixels: beyond any camera, and below 1 GB when decoded
 MAX_VISITS = 1 << 32    # pixels that a decoder may write, all scans together: 32 of MAX_PIXELS
 
 # Flags of cv2.imdecode.  Orientation tags are ignored, since they would rotate the coordinates;

@@ -1,7 +1,10 @@
 """Constants are read from the sources of the core with their meaning and origin."""
 from __future__ import annotations
 
+from pathlib import Path
+
 from benchmark.constants import constants, constants_of, note
+import qflsd_ros
 
 SOURCE = """
 A = 2.5         # px
@@ -44,3 +47,12 @@ def test_every_constant_of_the_core_is_explained() -> None:
     assert [constant.title for constant in found if not constant.comment] == []
     assert {'attitude', 'detection', 'geometry', 'lens', 'tracking'} <= {
         constant.module.split('.')[-2] for constant in found}
+
+
+def test_every_number_outside_the_core_is_explained() -> None:
+    """A comment stands beside or above it, or the module states the origin of all of its own."""
+    package = Path(qflsd_ros.__file__).parent
+    found = [constant for file in sorted(package.rglob('*.py'))
+             for constant in constants_of(file.read_text(), file.relative_to(package).as_posix())]
+    assert len({constant.module for constant in found}) > 60
+    assert [constant.title for constant in found if not constant.comment] == []

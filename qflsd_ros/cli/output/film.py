@@ -11,7 +11,7 @@ import numpy as np
 from qflsd_ros.cli.output.writing import private_room, publish
 from qflsd_ros.sources.video import quiet_capture
 
-RATE = 30  # frames per second
+RATE = 30  # frames per second, the usual one of cameras
 
 
 class Film:

@@ -18,7 +18,7 @@ from qflsd_ros.sources.scene.optics import angles_per_pixel, Camera, near_edges,
 from qflsd_ros.sources.scene.solids import Surfaces
 
 TEXTURE_SIZE = 256      # texels; a power of two, so that indices wrap by a bit mask
-BLOCK = 8               # px; larger blocks would be crossed by edges more often
+BLOCK = 8               # px; chosen: edges would cross larger blocks more often
 BISECTIONS = 6          # halvings of a pixel's side: the error is at most 1 / 128 px
 
 Place = tuple[float, float]         # x, y, px

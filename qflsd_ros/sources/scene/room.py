@@ -10,15 +10,14 @@ import numpy as np
 
 from qflsd_ros.sources.scene.solids import Box, Patch
 
-SIZE = (6.4, 5.2, 2.8)          # m, the room along x, y, z
-LAMP = (3.3, 2.5, 2.45)         # m, position of the lamp
-# Textures: texels/m along u and v, contrast.
-WOOD = (30.0, 4.0, 0.10)
-PLAIN = (40.0, 40.0, 0.02)
-
-# Grey levels, blue, green, red.
-WHITE, CREAM, WALNUT, OAK = (226, 232, 236), (186, 206, 214), (52, 70, 98), (96, 138, 176)
-TEAL, RUST, SAND, SLATE = (128, 120, 60), (58, 84, 168), (150, 184, 204), (92, 84, 78)
+SIZE = (6.4, 5.2, 2.8)          # m, the room along x, y, z; invented
+LAMP = (3.3, 2.5, 2.45)         # m, position of the lamp; invented
+# Textures: texels/m along u and v, contrast; invented.
+WOOD, PLAIN = (30.0, 4.0, 0.10), (40.0, 40.0, 0.02)
+# Grey levels, blue, green, red; invented.
+(WHITE, CREAM, WALNUT, OAK, TEAL, RUST, SAND, SLATE) = (
+    (226, 232, 236), (186, 206, 214), (52, 70, 98), (96, 138, 176),
+    (128, 120, 60), (58, 84, 168), (150, 184, 204), (92, 84, 78))
 
 
 def furnish(seed: int) -> list[Box]:

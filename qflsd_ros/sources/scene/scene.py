@@ -20,7 +20,7 @@ from qflsd_ros.sources.scene.solids import Box, Edge, edges, front_faces, surfac
 from qflsd_ros.sources.scene.truth import visible_arcs
 
 FRAMES_PER_TURN = 1200      # frames of the closed path: 40 s at 30 Hz, a walk around the room
-ACCURATE = 0.1              # px, accuracy of edge points
+ACCURATE = 0.1              # px, that of edge points on photographs (STRAY of lens/observation)
 # Weights of blue, green, red in grey levels (ITU-R BT.601), as OpenCV converts colours.
 LUMA = np.array([[0.114], [0.587], [0.299]])
 

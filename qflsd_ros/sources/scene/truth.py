@@ -10,8 +10,8 @@ from qflsd_ros.sources.scene.optics import Camera, FOCAL
 from qflsd_ros.sources.scene.solids import Box, Edge, front_faces
 
 SHORTEST = 1.0      # px, length of the shortest arc: less than any detector reports
-BESIDE = 1.5        # px from an edge at which its contrast is measured, beyond its own pixels
-SPACING = 2.0       # px between such measurements along an edge
+BESIDE = 1.5        # px from an edge to where its contrast is measured: beside mixed pixels
+SPACING = 2.0       # px between such measurements along an edge; chosen
 
 
 def visible_arcs(edges: Sequence[Edge], boxes: Sequence[Box], camera: Camera,
