@@ -10,7 +10,7 @@ from qflsd_ros.core.arcs import Arcs
 from qflsd_ros.core.geometry.line_map import MappedLines
 from qflsd_ros.core.geometry.planes import Planes
 from qflsd_ros.core.lens.division import DivisionModel, rectified
-from qflsd_ros.core.lens.estimation import with_straightness
+from qflsd_ros.core.lens.straightness import with_straightness
 
 # Fields of tracks stay in the layout without tracking too, because readers in C++ cannot ask for a
 # field that is not there.  They are 0 then; identities begin at 1.

@@ -14,11 +14,12 @@ from qflsd_ros.cli.inputs import Picture
 from qflsd_ros.cli.output import results
 from qflsd_ros.cli.output.recordings import Cloud
 from qflsd_ros.cli.settings import Options
-from qflsd_ros.core import Arcs, Attitude, Detector, Tracker, with_straightness
+from qflsd_ros.core import Arcs, Attitude, Detector, Tracker
 from qflsd_ros.core.attitude import tracker as attitude_tracker
-from qflsd_ros.core.attitude.estimation import with_directions
+from qflsd_ros.core.attitude.estimation import directions
 from qflsd_ros.core.attitude.view import Lens
 from qflsd_ros.core.lens import estimation
+from qflsd_ros.core.lens.straightness import straightness
 from qflsd_ros.overlay import NO_TAILS, Tails
 from qflsd_ros.ros.attitude import CameraAttitude, of_image
 from qflsd_ros.ros.finding import find, FrameSequence, Seen
@@ -125,13 +126,17 @@ class Work:
         else:
             seen = Seen(*find(gray, self._detector.detect, settings, camera), NO_TAILS)
         seconds = time.process_time() - begin
-        estimate, arcs = camera.estimate(settings), with_straightness(seen.arcs, seen.model)
+        estimate = camera.estimate(settings)
+        columns = {'straight': straightness(seen.arcs, seen.model)}
         terms: dict[str, Any] = {'lens': results.lens(seen.model, estimate), 'attitude': None}
-        if not settings.attitude:
-            return Found(pixels, arcs, seen.tails, None, terms, seconds)
-        attitude, reason = self._attitude(seen.arcs, gray.shape, estimate or seen.model, sequence)
-        terms['attitude'] = results.attitude(attitude, reason)
-        return Found(pixels, with_directions(arcs, attitude), seen.tails, attitude, terms, seconds)
+        attitude = None
+        if settings.attitude:
+            attitude, reason = self._attitude(seen.arcs, gray.shape, estimate or seen.model,
+                                              sequence)
+            terms['attitude'] = results.attitude(attitude, reason)
+            columns['direction'] = directions(seen.arcs, attitude)
+        return Found(pixels, seen.arcs.with_columns(**columns), seen.tails, attitude, terms,
+                     seconds)
 
     def _attitude(self, arcs: Arcs, shape: tuple[int, int], lens: Lens,
                   sequence: Sequence | None) -> tuple[Attitude | None, str]:

@@ -16,7 +16,8 @@ from qflsd_ros.core.attitude.estimation import Attitude, estimate_attitude
 from qflsd_ros.core.attitude.tracker import AttitudeTracker
 from qflsd_ros.core.detector import Detector
 from qflsd_ros.core.lens.division import DivisionModel, rectified
-from qflsd_ros.core.lens.estimation import estimate_distortion, LensEstimate, with_straightness
+from qflsd_ros.core.lens.estimation import estimate_distortion, LensEstimate
+from qflsd_ros.core.lens.straightness import with_straightness
 from qflsd_ros.core.parameters import Parameters
 from qflsd_ros.core.tracking.tracker import Tracker
 

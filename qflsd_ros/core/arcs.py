@@ -1,7 +1,7 @@
 """The detector's result: a table with a row for every arc, and the pixels behind each."""
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -28,7 +28,15 @@ TRACKED_TABLE = np.dtype(TABLE.descr + [
     ('held', np.bool_),             # confirmed on its predicted place without a detected arc
 ])
 
-# The same as columns of one float64 array in which kernels fill it, x and y one after the other.
+# All columns that arcs may have, in order.
+ALL_COLUMNS = np.dtype([
+    *TABLE.descr,
+    ('straight', np.float64),       # probability of a straight edge, by a lens; nan if unknown
+    *TRACKED_TABLE.descr[len(TABLE.descr):],
+    ('direction', np.int64),        # index of a direction of an attitude, -1 for none
+])
+
+# TABLE as columns of one float64 array in which kernels fill it, x and y one after the other.
 (START, MIDDLE, END, CURVATURE, LENGTH, RMS, SUPPORT, CURVATURE_STD, OFFSET_STD, SCORE, CONTRAST,
  POLARITY, BENT, COLUMNS) = 0, 2, 4, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16
 
@@ -84,6 +92,22 @@ class Arcs:
             else:
                 columns[name] = self.table[name]
         return columns
+
+    def with_columns(self, **columns: np.ndarray) -> Arcs:
+        """
+        Return the arcs with more columns in a copy of the table, in the order of ALL_COLUMNS.
+
+        Parameters
+        ----------
+        columns
+            (M,) by their names in :data:`ALL_COLUMNS`, which has their types.
+
+        """
+        names = {*(self.table.dtype.names or ()), *columns}
+        table = np.empty(len(self), [field for field in ALL_COLUMNS.descr if field[0] in names])
+        for name in names:
+            table[name] = columns[name] if name in columns else self.table[name]
+        return replace(self, table=table)
 
     def pixels(self, i: int) -> np.ndarray:
         """Return the chain behind arc i: (support, 2) int32, x and y, in order along the arc."""

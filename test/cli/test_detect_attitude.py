@@ -2,12 +2,11 @@
 from __future__ import annotations
 
 import csv
-import json
 from pathlib import Path
 
 import cv2
 import numpy as np
-from pictures import picture, read_json
+from pictures import picture, read_json, write_video
 import pytest
 from qflsd_ros.attitude_drawing import HORIZON
 from qflsd_ros.cli.detect import main

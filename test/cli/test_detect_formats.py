@@ -1,7 +1,6 @@
 """Formats of image files that the command detect reads, and their white levels."""
 from __future__ import annotations
 
-import csv
 import json
 from pathlib import Path
 

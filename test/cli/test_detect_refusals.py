@@ -1,7 +1,6 @@
 """What the command detect cannot read, do or write: it says which, and does the rest."""
 from __future__ import annotations
 
-import json
 import os
 from pathlib import Path
 import subprocess

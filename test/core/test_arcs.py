@@ -165,3 +165,16 @@ def test_samples_lie_evenly_from_start_to_end():
     steps = np.hypot(*np.diff(points, axis=1).T)
     assert np.allclose(steps, steps[0])
     assert Arcs.empty().samples(3).shape == (0, 3, 2)
+
+
+def test_more_columns_come_in_their_order_into_a_copy():
+    arcs = result(arc((0.0, 0.0), 0.0, 10.0, 0.0), arc((5.0, 5.0), 1.0, 20.0, 0.5))
+    directed = arcs.with_columns(direction=np.array([2, -1]))
+    both = directed.with_columns(straight=np.array([0.5, np.nan]))
+    assert both.table.dtype.names == (*TABLE.names, 'straight', 'direction')
+    assert both.table['direction'].tolist() == [2, -1] and both.table['straight'][0] == 0.5
+    assert both.table['end'].tolist() == arcs.table['end'].tolist()
+    assert directed.table.dtype.names == (*TABLE.names, 'direction')
+    assert arcs.table.dtype == TABLE
+    again = both.with_columns(direction=np.array([0, 0]))
+    assert both.table['direction'][0] == 2 and again.table['direction'][0] == 0

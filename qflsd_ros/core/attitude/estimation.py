@@ -184,17 +184,14 @@ def attitude_of(arcs: Arcs, shape: tuple[int, int], lens: Lens, focal: float | N
     return describe(search(used(view), view.prior()), view, lambda axes: arranged(axes, hint))
 
 
-def with_directions(arcs: Arcs, attitude: Attitude | None) -> Arcs:
-    """
-    Return the arcs with another column, ``direction``: int64.
+def directions(arcs: Arcs, attitude: Attitude | None) -> np.ndarray:
+    """Return the label of each arc in its attitude: (M,) int64, -1 for none, and without one."""
+    return np.full(len(arcs), -1) if attitude is None else attitude.labels
 
-    It is the label of the arc in the attitude, -1 for none and without an attitude.
-    """
-    table = np.empty(len(arcs), np.dtype(arcs.table.dtype.descr + [('direction', np.int64)]))
-    for name in arcs.table.dtype.names or ():
-        table[name] = arcs.table[name]
-    table['direction'] = -1 if attitude is None else attitude.labels
-    return replace(arcs, table=table)
+
+def with_directions(arcs: Arcs, attitude: Attitude | None) -> Arcs:
+    """Return the arcs with their :func:`directions` in the column ``direction`` of the table."""
+    return arcs.with_columns(direction=directions(arcs, attitude))
 
 
 def direction(up_hint: tuple[float, float, float]) -> np.ndarray:
@@ -218,7 +215,7 @@ def used(view: View) -> np.ndarray:
 
 def most_likely(probabilities: np.ndarray) -> np.ndarray:
     """
-    Return the most likely direction of each arc, or -1 if its probability is below 1/2: (M,) int64.
+    Return the most likely direction of each arc, (M,) int64: -1 if it is less likely than 1/2.
 
     ``probabilities``, (M, K), are those of arc i to point in direction k.
     """

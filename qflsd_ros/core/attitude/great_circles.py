@@ -8,8 +8,8 @@ image is q(p) = (x, y, w) in the undistorted one, in homogeneous coordinates, wi
 
 Lambda is that of the division model; mu is its error, as real fisheyes leave it: a stereographic
 lens has mu = 0, an equidistant one about -lambda^2 / 5.  At r^2 = KNOT, about the radius of the
-arcs that determine lambda, mu does not change w.  With k = w' / r the image of a straight edge through p with the
-unit normal n = (u, v) there is the line l q = 0 of
+arcs that determine lambda, mu does not change w.  With k = w' / r the image of a straight edge
+through p with the unit normal n = (u, v) there is the line l q = 0 of
 
     l(n) = (w u - k t y, w v + k t x, -(u x + v y)),  t = u y - v x,
 
@@ -19,8 +19,8 @@ arc at p, *in the distorted image*, by the angle e with
 
     tan e = (l v) / (b v).
 
-Residuals in the undistorted image would grow towards its rim, and would bias the estimate to a lens
-that shrinks the image.
+Residuals in the undistorted image would grow towards its rim, and would bias the estimate to a
+lens that shrinks the image.
 """
 from __future__ import annotations
 

@@ -1,11 +1,11 @@
 """
 Vanishing points from the lines of arcs, and hypotheses for three orthogonal directions.
 
-Two lines meet in u = l1 x l2 for any focal length, so that points can be searched for before it is
-known.  Each arc points to one of the points found so far, or to none of them.  The search takes the
-point that adds most to the likelihood of this mixture, refines it, and goes on among the arcs that
-are still unexplained.  Likelihoods are relative to a random direction, and each arc counts once,
-whatever its length.
+Two lines meet in u = l1 x l2 for any focal length, so that points can be searched for before it
+is known.  Each arc points to one of the points found so far, or to none of them.  The search takes
+the point that adds most to the likelihood of this mixture, refines it, and goes on among the arcs
+that are still unexplained.  Likelihoods are relative to a random direction, and each arc counts
+once, whatever its length.
 """
 from __future__ import annotations
 

@@ -14,7 +14,8 @@ from qflsd_ros.core.attitude.solution import EXACT, prior_of
 from qflsd_ros.core.compilation import compiled
 from qflsd_ros.core.lens.camera_model import CameraModel
 from qflsd_ros.core.lens.division import DivisionModel
-from qflsd_ros.core.lens.estimation import estimate_distortion, LENS_ERROR, LensEstimate
+from qflsd_ros.core.lens.estimation import estimate_distortion, LensEstimate
+from qflsd_ros.core.lens.straightness import LENS_ERROR
 
 # What may be known of a lens.
 Lens = Union[LensEstimate, DivisionModel, CameraModel, None]

@@ -10,13 +10,11 @@ the curvature
 The measured curvature of an arc, with its standard deviation, is therefore a measurement of
 lambda: precise for long arcs far from the centre, and without information for arcs that pass
 through it.  Circles about the centre are excluded: they are more likely the rim of a fisheye's
-image circle than edges at infinity.  Some arcs are not images of straight edges, so that the
-likelihood of an arc is the mixture
+image circle than edges at infinity.
 
-    (1 - OUTLIERS) t(k - k(lambda)) + OUTLIERS / (range of curvatures)
-
-where t is Student's distribution with 3 degrees of freedom.  The most likely of a few hundred
-candidates for lambda is refined by Gauss-Newton steps with the weights of that mixture.
+Some arcs are not images of straight edges, so that the likelihood of an arc is the mixture of
+:mod:`lens.straightness`.  The most likely of a few hundred candidates for lambda is refined by
+Gauss-Newton steps with the weights of that mixture.
 
 Pixels are assumed to be square, which arcs cannot show.  The distortion centre is assumed to be
 the image centre unless it is estimated too; the deviation of lambda grows if arcs contradict that.
@@ -37,11 +35,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from qflsd_ros.core.arcs import Arcs, TABLE
+from qflsd_ros.core.arcs import Arcs
 from qflsd_ros.core.compilation import compiled
 from qflsd_ros.core.lens.division import DivisionModel
 from qflsd_ros.core.lens.observation import (
     COLUMNS, CURVATURE, informative, NOISE, NORMAL, observe, POINT, VARIANCE)
+from qflsd_ros.core.lens.straightness import compared, OUTLIER_DENSITY, STUDENT
 
 # All of these are chosen, not tuned, unless stated otherwise.
 # Range of lambda: from a fisheye that sees more than 180 degrees to a strong pincushion.
@@ -52,15 +51,8 @@ LEAST_ARCS, LEAST_SHARE = 5, 0.3
 # Greatest standard deviation of an observable lambda.  By equation (4) it changes the sagitta of
 # an edge of the length 1 at the distance .5 from the centre by .6 px in an image of 640 x 480.
 MAX_STD = 0.0115
-# Share of arcs that are not images of straight edges; their curvatures are spread evenly over
-# -10 / 3 to 10 / 3, which is a radius of .3.
-OUTLIERS = 0.1
-OUTLIER_DENSITY = OUTLIERS / (2 * 10 / 3)   # of a curvature, half diagonals
-# Density of Student's distribution with 3 degrees of freedom at 0, times the share of inliers.
-STUDENT = (1 - OUTLIERS) * 2 / (math.pi * math.sqrt(3))
-# Deviation of lambda (times (1 - lambda / 3)^2) by which real lenses leave the division model
-# locally; and the same for the comparison of candidates, where it is also their spacing.
-LENS_ERROR, COARSE_ERROR = 0.01, 0.03
+# LENS_ERROR for the comparison of candidates, where it is also their spacing.
+COARSE_ERROR = 0.03
 # Factor by which the scatter of arcs beyond their own noise counts, since neighbouring arcs share
 # the flaws of lens and edges.  Measured on annotated photographs.
 COMMON = 6.0
@@ -205,65 +197,11 @@ def _error_by_centre(seen: np.ndarray, fit: _Fit) -> float:
     return free.lens[0] - fit.lens[0]
 
 
-def straightness(arcs: Arcs, lens: DivisionModel) -> np.ndarray:
-    """
-    Return the probability of each arc that it is the image of a straight edge.
-
-    Parameters
-    ----------
-    arcs
-        The arcs of an image.
-    lens
-        The lens of that image.
-
-    Returns
-    -------
-    probability
-        (M,) float64, near 0 for circles; nan for arcs with too few edge points for a curvature.
-
-    """
-    return excess_bend(arcs, lens)[1]
-
-
-def excess_bend(arcs: Arcs, lens: DivisionModel) -> tuple[np.ndarray, np.ndarray]:
-    """
-    Compare arcs with the images of straight edges through a lens.
-
-    Returns
-    -------
-    curvature
-        (M,) float64, by how much arcs bend more, 1/px; nan for arcs with too few edge points.
-    probability
-        (M,) float64, as :func:`straightness`.
-
-    """
-    seen = observe(arcs, lens.shape)
-    shift = (lens.origin - DivisionModel(0.0, lens.shape).origin) / lens.half_diagonal
-    found = _compared(seen, np.array([lens.lam, *shift]), np.zeros((2, 2)))
-    return found[:, 0] / lens.half_diagonal, found[:, 4]
-
-
-def with_straightness(arcs: Arcs, lens: DivisionModel | None) -> Arcs:
-    """
-    Return the arcs with :func:`straightness` as an additional column ``straight`` of the table.
-
-    It is the probability that an arc is the image of a line, and nan if the lens is unknown
-    (None).  All other columns stay; those of a tracker come after it.
-    """
-    columns, known = arcs.table.dtype.descr, len(TABLE.descr)
-    table = np.empty(len(arcs), np.dtype(
-        [*columns[:known], ('straight', np.float64), *columns[known:]]))
-    for name in arcs.table.dtype.names or ():
-        table[name] = arcs.table[name]
-    table['straight'] = np.nan if lens is None else straightness(arcs, lens)
-    return replace(arcs, table=table)
-
-
 def warm_up() -> None:
     """Compile the kernels, or load them from the cache, before the first frame comes."""
     seen = observe(Arcs.empty(), (1, 1))
     _best(seen, False)
-    _compared(seen, np.zeros(3), np.zeros((2, 2)))
+    compared(seen, np.zeros(3), np.zeros((2, 2)))
 
 
 def _log_unobservable(reason: str) -> None:
@@ -320,53 +258,6 @@ def _vote(seen: np.ndarray, candidates: np.ndarray, centre_spread: float,
         likelihoods[j] += math.log(product)
 
 
-def _compared(seen: np.ndarray, lens: np.ndarray, spread: np.ndarray) -> np.ndarray:
-    """
-    Compare observations with a lens.
-
-    Parameters
-    ----------
-    seen
-        (N, COLUMNS), as returned by :func:`observe`.
-    lens
-        (3,) lambda and the distortion centre.
-    spread
-        (2, 2) covariance of that centre.
-
-    Returns
-    -------
-    found
-        (N, 6): the residual k - k(lens); the derivatives of k(lens) by lambda and by the centre's
-        x and y; the probability that the edge is straight; the weight in least squares.
-
-    """
-    found = np.empty((len(seen), 6))
-    _compare(seen, lens, spread, found)
-    return found
-
-
-@compiled
-def _compare(seen: np.ndarray, lens: np.ndarray, spread: np.ndarray, found: np.ndarray) -> None:
-    """Fill in the comparison; the arguments are those of :func:`_compared`."""
-    lam = lens[0]
-    lens_error = (LENS_ERROR * (1 - lam / 3) ** 2) ** 2
-    for i in range(len(seen)):
-        u, v = seen[i, NORMAL], seen[i, NORMAL + 1]
-        x, y = seen[i, POINT] - lens[1], seen[i, POINT + 1] - lens[2]
-        fall = 1 - lam * (x * x + y * y)
-        part = (u * x + v * y) / fall
-        error, slope = seen[i, CURVATURE] + 2 * lam * part, -2 * part / fall
-        across = 2 * lam * (u + 2 * lam * part * x) / fall
-        along = 2 * lam * (v + 2 * lam * part * y) / fall
-        variance = (seen[i, VARIANCE] + slope * slope * lens_error + across * across * spread[0, 0]
-                    + 2 * across * along * spread[0, 1] + along * along * spread[1, 1])
-        square = error * error / variance
-        density = STUDENT / math.sqrt(variance) / (1 + square / 3) ** 2
-        straight = density / (density + OUTLIER_DENSITY)
-        found[i, 0], found[i, 1], found[i, 2], found[i, 3] = error, slope, across, along
-        found[i, 4], found[i, 5] = straight, straight * 4 / (3 + square) / variance
-
-
 class _Fit(NamedTuple):
     """
     A lens fitted to arcs, in units of half the diagonal.
@@ -403,7 +294,7 @@ def _refine(seen: np.ndarray, start: float, free: int) -> _Fit:
     if free == 3:
         spread = np.diag([CENTRE_SPREAD ** 2] * 2)
     for _ in range(ITERATIONS):
-        found = _compared(seen, lens, spread)
+        found = compared(seen, lens, spread)
         error, slopes, weights = found[:, 0], found[:, 1:1 + free], found[:, 5]
         inverse = np.linalg.inv((slopes.T * weights) @ slopes + prior)
         step = inverse @ (slopes.T @ (weights * error) - prior @ lens[:free])

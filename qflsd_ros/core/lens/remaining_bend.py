@@ -16,8 +16,8 @@ import numpy as np
 from qflsd_ros.core.arcs import Arcs
 from qflsd_ros.core.lens.camera_model import CameraModel
 from qflsd_ros.core.lens.division import DivisionModel
-from qflsd_ros.core.lens.estimation import excess_bend
 from qflsd_ros.core.lens.observation import CURVATURE, NORMAL, observe, VARIANCE
+from qflsd_ros.core.lens.straightness import excess_bend
 
 # Length from which on an arc counts, half diagonals: the same error of a lens bends a shorter one
 # by less than a tenth as much as one across the image.  Least number of such arcs in a frame.

@@ -13,11 +13,11 @@ from typing import Any, Callable, NamedTuple
 from geometry_msgs.msg import Vector3Stamped
 import numpy as np
 from qflsd_ros.core import Arcs, Attitude
-from qflsd_ros.core.attitude.estimation import with_directions
+from qflsd_ros.core.attitude.estimation import directions, with_directions
 from qflsd_ros.core.geometry.planes import Planes, planes
 from qflsd_ros.core.lens.camera_model import CameraModel
 from qflsd_ros.core.lens.division import DivisionModel
-from qflsd_ros.core.lens.estimation import with_straightness
+from qflsd_ros.core.lens.straightness import straightness
 from qflsd_ros.core.line_features.feed import Feed, Limits
 from qflsd_ros.core.line_features.undistorted import undistorted
 from qflsd_ros.overlay import Tails
@@ -81,13 +81,14 @@ class Result:
 
     @cached_property
     def arcs_with_directions(self) -> Arcs:
-        """Return the arcs with ``direction``, computed once for all outputs."""
+        """Return the arcs with the column ``direction``, made once for all outputs."""
         return with_directions(self.arcs, self.attitude)
 
     @cached_property
     def arcs_with_straightness(self) -> Arcs:
-        """Return the arcs with ``direction`` and ``straight``, computed once for all outputs."""
-        return with_straightness(self.arcs_with_directions, self.model)
+        """Return the arcs with the columns ``straight`` and ``direction``, made once for all."""
+        return self.arcs.with_columns(straight=straightness(self.arcs, self.model),
+                                      direction=directions(self.arcs, self.attitude))
 
     @cached_property
     def camera(self) -> CameraModel:
@@ -113,7 +114,7 @@ class TrackingError(FrameError):
 Need = Callable[[Result], Any]
 
 
-def straightness(result: Result) -> Arcs:
+def with_straightness(result: Result) -> Arcs:
     """Return the arcs with the column ``straight``, which is nan while the lens is unknown."""
     return result.arcs_with_straightness
 
@@ -163,7 +164,7 @@ class Output(NamedTuple):
     message_type
         Type of its messages.
     build
-        Returns the message, or its serialised bytes.  Takes a result, then the values of ``needs``.
+        Takes a result and the values of ``needs``; returns the message, or its serialised bytes.
     needs
         Functions that take a result; each raises FrameError if it has no value for that.
     passes
@@ -237,11 +238,11 @@ def _gravity(result: Result, found: Attitude) -> Vector3Stamped:
 
 OUTPUTS = (
     Output('~/segments', PointCloud2, _segments),
-    Output('~/arcs', PointCloud2, _arcs, (straightness,)),
+    Output('~/arcs', PointCloud2, _arcs, (with_straightness,)),
     Output('~/markers', MarkerArray, _markers),
     Output('~/overlay', Image, _overlay),
     Output('~/camera_info', CameraInfo, _camera_info, (distortion,)),
-    Output('~/rectified', PointCloud2, _rectified, (straightness, distortion)),
+    Output('~/rectified', PointCloud2, _rectified, (with_straightness, distortion)),
     Output('~/planes', PointCloud2, _planes, (calibration,)),
     Output('~/line_features', PointCloud, _line_features, (tracked, calibration),
            at_the_rate_of_line_features),

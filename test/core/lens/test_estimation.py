@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 from qflsd_ros.core import Arcs, Detector, DivisionModel, estimate_distortion
-from qflsd_ros.core.lens.estimation import (
-    COLUMNS, CURVATURE, estimate_from, NOISE, NORMAL, POINT, straightness, VARIANCE,
-    with_straightness)
+from qflsd_ros.core.lens.estimation import estimate_from
+from qflsd_ros.core.lens.observation import COLUMNS, CURVATURE, NOISE, NORMAL, POINT, VARIANCE
+from qflsd_ros.core.lens.straightness import straightness
 from qflsd_ros.sources import Scene
 from seen import arcs_of, edge, edges, wheels
 
@@ -181,21 +181,6 @@ def test_steps_that_go_astray_end_in_no_lens(seed):
 def test_no_image_at_all():
     assert estimate_distortion([], SHAPE) is None
     assert estimate_distortion([Arcs.empty()] * 3, SHAPE) is None
-
-
-def test_straightness_is_a_column_of_the_table():
-    curves = edges(LENS, 10, 1) + wheels(LENS, 5, 2) + [edges(LENS, 1, 3)[0][:9]]
-    arcs = arcs_of(curves)
-    found = with_straightness(arcs, LENS)
-    assert np.array_equal(found.table['straight'], straightness(arcs, LENS), equal_nan=True)
-    assert (found.table['straight'][:10] > 0.9).all()
-    assert (found.table['straight'][10:15] < 0.1).all()
-    assert np.isnan(found.table['straight'][15])
-    for name in arcs.table.dtype.names:
-        assert np.array_equal(found.table[name], arcs.table[name])
-    assert found.polylines()[3] == pytest.approx(arcs.polylines()[3])
-    assert np.isnan(with_straightness(arcs, None).table['straight']).all()
-    assert len(straightness(Arcs.empty(), LENS)) == 0
 
 
 def test_coins_in_an_image_are_not_straight():

@@ -14,7 +14,7 @@ from qflsd_ros import overlay, records
 from qflsd_ros.core.arcs import Arcs, TABLE, TRACKED_TABLE
 from qflsd_ros.core.geometry.planes import Planes
 from qflsd_ros.core.lens.division import DivisionModel
-from qflsd_ros.core.lens.estimation import with_straightness
+from qflsd_ros.core.lens.straightness import with_straightness
 from qflsd_ros.ros.output import clouds, palette
 from qflsd_ros.ros.output.markers import markers
 from rclpy.serialization import deserialize_message, serialize_message
