@@ -56,6 +56,9 @@ def _compile() -> int:
     begin = time.monotonic()
     print(f'loading or compiling kernels in {_place()}; compiling takes about half a minute',
           flush=True)
+    if compilation.STORE.folder is None:    # it has logged why
+        print('warm_up: compiled kernels cannot be kept: nothing is compiled', file=sys.stderr)
+        return FAILED
     load_kernels()
     if compilation.STORE.is_failing:
         print('warm_up: the compiled kernels could not all be kept', file=sys.stderr)

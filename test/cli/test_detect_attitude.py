@@ -73,8 +73,7 @@ def test_the_attitude_is_followed_over_a_video(tmp_path: Path) -> None:
     """As a tracker of its own for each video gives it, with one focal length for all frames."""
     scene = Scene(640, 480, lam=-0.6, colour=True)
     path = write_video(tmp_path / 'v.avi', map(scene.image, range(600, 640, 8)))
-    assert main([str(path), '--attitude', 'true', '--jobs', '2',
-                 '--output', str(tmp_path / 'out')]) == 0
+    assert main([str(path), '--attitude', 'true', '--output', str(tmp_path / 'out')]) == 0
     capture, sequence, attitudes = cv2.VideoCapture(str(path)), FrameSequence(), AttitudeTracker()
     for number in range(5):
         gray = cv2.cvtColor(capture.read()[1], cv2.COLOR_BGR2GRAY)

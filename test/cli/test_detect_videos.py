@@ -17,7 +17,7 @@ from qflsd_ros.sources import Scene
 def test_frames_of_a_video_are_numbered(tmp_path: Path) -> None:
     """A video gives a folder of its own with the results of each frame."""
     path = write_video(tmp_path / 'v.avi', map(picture, range(3)))
-    assert main([str(path), '--output', str(tmp_path / 'results'), '--jobs', '2']) == 0
+    assert main([str(path), '--output', str(tmp_path / 'results')]) == 0
     assert len(list((tmp_path / 'results' / 'v').iterdir())) == 9
     found = json.loads((tmp_path / 'results' / 'v' / '000002.json').read_text())
     assert found['frame'] == 2 and len(found['arcs']) >= 4

@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 import os
 from pathlib import Path
 import subprocess
@@ -32,6 +33,15 @@ print(compilation.progress('qflsd_ros').compiled)
 """
 
 
+# The command on a disk that is full: no file grows beyond 1000 bytes.
+SMALL_FILES = """
+import resource, sys
+resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
+from qflsd_ros.cli.warm_up import main
+sys.exit(main())
+"""
+
+
 def run(cache: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run([sys.executable, *arguments], text=True, timeout=TIMEOUT,
                           capture_output=True, env=os.environ | {'NUMBA_CACHE_DIR': str(cache)})
@@ -43,6 +53,19 @@ def warm_up(cache: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
 
 def kernels(cache: Path) -> list[Path]:
     return sorted(cache.rglob('*.kernel'))
+
+
+@contextmanager
+def without_a_kernel(cache: Path) -> Iterator[Path]:
+    """Remove a kernel of the scene for a while."""
+    path = next(path for path in kernels(cache) if path.name.startswith('_mix'))
+    content = path.read_bytes()
+    path.unlink()
+    try:
+        yield path
+    finally:
+        path.write_bytes(content)
+        path.chmod(0o600)
 
 
 @pytest.fixture(scope='module')
@@ -91,20 +114,23 @@ def test_a_check_of_an_empty_cache(tmp_path: Path) -> None:
 
 def test_a_check_finds_a_missing_kernel(cache: Path) -> None:
     """One of the scene alone: all kernels are checked, not those of the detector only."""
-    path = next(path for path in kernels(cache) if path.name.startswith('_mix'))
-    content = path.read_bytes()
-    path.unlink()
-    try:
+    with without_a_kernel(cache) as path:
         said = warm_up(cache, '--check')
         assert said.returncode == 1 and 'scene' in said.stderr
         assert not path.exists()
-    finally:
-        path.write_bytes(content)
-        path.chmod(0o600)
 
 
-def test_kernels_that_cannot_be_kept(tmp_path: Path) -> None:
-    """A file is in the place of the folder, where root may not write either."""
-    (tmp_path / 'file').touch()
+def test_a_folder_that_cannot_be_made(tmp_path: Path) -> None:
+    """Nobody waits for a compilation in vain."""
+    (tmp_path / 'file').touch()     # in the place of the folder, where root may not write either
     said = warm_up(tmp_path / 'file')
-    assert said.returncode == 1 and 'could not all be kept' in said.stderr
+    assert said.returncode == 1 and 'cannot be kept: nothing is compiled' in said.stderr
+    assert 'no folder' in said.stdout and str(tmp_path) in said.stderr
+
+
+def test_a_kernel_that_cannot_be_kept(cache: Path) -> None:
+    """As on a full disk."""
+    with without_a_kernel(cache) as path:
+        said = run(cache, '-c', SMALL_FILES)
+        assert said.returncode == 1 and 'could not all be kept' in said.stderr
+        assert not path.exists()

@@ -3,12 +3,12 @@ from __future__ import annotations
 
 import signal
 import time
-from typing import Any, TYPE_CHECKING
+from typing import Any, Callable, TYPE_CHECKING
 
 import numpy as np
 import pytest
 from qflsd_ros.core import Detector, Parameters
-from qflsd_ros.ros.detectors import node_arguments
+from qflsd_ros.ros.detectors import main, node_arguments
 from rcl_interfaces.srv import GetParameters
 from rig import image, Rig, same, SCENE, values
 import yaml
@@ -135,14 +135,18 @@ def test_a_camera_that_cannot_be_started_is_left_out(peer: Peer) -> None:
     ((), 'not given or empty'),
     (('-p', 'cameras:=7'), 'must be a list of namespaces'),
     (('-p', "cameras:=['front', '/front']"), 'more than once'),
-    (('-p', "cameras:=['front side']"), "contains 'front side'"),
-    (('-p', "cameras:=['front']", '-p', 'min_length:=-1.0'), 'no camera can be started')])
-def test_cameras_that_cannot_be_used(peer: Peer, arguments: tuple[str, ...],
+    (('-p', "cameras:=['front side']"), "contains 'front side'")])
+def test_cameras_that_cannot_be_used(refuse: Callable[..., str], arguments: tuple[str, ...],
                                      reason: str) -> None:
-    process = peer.run(*NODE, *arguments)
+    line = refuse(main, *QUIET, *arguments)
+    assert line.startswith('detectors: ') and reason in line
+
+
+def test_no_camera_that_can_be_started(peer: Peer) -> None:
+    process = peer.run(*NODE, '-p', "cameras:=['front']", '-p', 'min_length:=-1.0')
     assert process.wait() == 2
     line = process.output.splitlines()[-1]
-    assert line.startswith('detectors: ') and reason in line
+    assert line.startswith('detectors: ') and 'no camera can be started' in line
 
 
 def test_namespace_and_name_of_the_process(peer: Peer) -> None:

@@ -37,13 +37,9 @@ def test_both_kinds_of_camera_before_and_after_the_detector(peer: Peer) -> None:
         assert same(rig.detect(image(SCENE)), EXPECTED)
 
 
-def test_a_reliable_camera_that_was_there_before(peer: Peer) -> None:
-    rig = Rig(peer, camera_qos=QoSProfile(depth=1, reliability=RELIABLE)).ready()
-    assert same(rig.detect(image(SCENE)), EXPECTED)
-
-
 @pytest.mark.parametrize('overridden', [False, True])
 def test_every_topic_follows_its_override(peer: Peer, overridden: bool) -> None:
+    """The camera is a reliable one that was there before the detector."""
     arguments: list[str] = []
     if overridden:
         for topic in PUBLISHED:

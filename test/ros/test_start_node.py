@@ -45,7 +45,6 @@ def test_diagnostics_say_how_far_it_is(peer: Peer) -> None:
     assert rig.camera.get_subscription_count() == 0
 
 
-@pytest.mark.alone
 @pytest.mark.parametrize('node, number, pause', [
     ('camera', signal.SIGINT, 0.0), ('camera', signal.SIGTERM, 1.0),
     ('detector', signal.SIGTERM, 0.0), ('detector', signal.SIGINT, 1.0),

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import replace
-from functools import lru_cache
 from typing import Any, NamedTuple
 
 from builtin_interfaces.msg import Time
@@ -40,7 +39,6 @@ class Walk(NamedTuple):
     poses: dict[int, np.ndarray]
 
 
-@lru_cache(maxsize=2)
 def walk(lam: float) -> Walk:
     scene, tracker = Scene(640, 480, lam), Tracker()
     camera = SceneFrames(scene).camera
@@ -54,6 +52,18 @@ def walk(lam: float) -> Walk:
             camera_info.calibrated(header, camera, *gray.shape), '/camera_info'))
         poses[stamp] = scene.pose(SPEED * number)
     return Walk(scene, results, poses)
+
+
+@pytest.fixture(scope='module')
+def straight() -> Walk:
+    """Give a walk through a lens without distortion, shared by the tests of this module."""
+    return walk(0.0)
+
+
+@pytest.fixture(scope='module')
+def bent() -> Walk:
+    """Give a walk through a wide-angle lens."""
+    return walk(-0.5)
 
 
 def messages(walk: Walk, feed: Feed | None = None, **changes: Any) -> list[PointCloud]:
@@ -151,9 +161,9 @@ def distances(walk: Walk, ends: np.ndarray, eye: np.ndarray) -> float:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('lam', [0.0, -0.5])
-def test_estimators_triangulate_true_edges(lam: float) -> None:
-    room = walk(lam)
+@pytest.mark.parametrize('lens', ['straight', 'bent'])
+def test_estimators_triangulate_true_edges(request: pytest.FixtureRequest, lens: str) -> None:
+    room = request.getfixturevalue(lens)
     estimator = Estimator(room.poses)
     for message in messages(room):
         estimator.points.append(stamp(message))     # a point tracker at the same rate
@@ -171,46 +181,45 @@ def test_estimators_triangulate_true_edges(lam: float) -> None:
 
 
 @pytest.mark.slow
-def test_lines_stay_over_messages() -> None:
+def test_lines_stay_over_messages(bent: Walk) -> None:
     """Of the lines of a message, most have been in the one before."""
-    seen = [set(decoded(message)) for message in messages(walk(-0.5))]
+    seen = [set(decoded(message)) for message in messages(bent)]
     assert all(len(lines) == 70 for lines in seen[5:])
     shares = [len(before & after) / len(after) for before, after in zip(seen[5:], seen[6:])]
     assert np.mean(shares) > 0.93 and min(shares) > 0.8
 
 
 @pytest.mark.slow
-def test_messages_are_the_same_every_time() -> None:
-    one, other = messages(walk(-0.5)), messages(walk(-0.5))
+def test_messages_are_the_same_every_time(bent: Walk) -> None:
+    one, other = messages(bent), messages(bent)
     assert one == other
 
 
 @pytest.mark.slow
-def test_layout() -> None:
-    room = walk(-0.5)
-    for message in messages(room, line_features_max=20, line_features_min_length=60.0)[:5]:
+def test_layout(bent: Walk) -> None:
+    for message in messages(bent, line_features_max=20, line_features_min_length=60.0)[:5]:
         assert type(message) is PointCloud and message.header.frame_id == 'eye'
         assert [channel.name for channel in message.channels] == [
             'id', 'x_end', 'y_end', 'std', 'direction', 'track']
         assert {len(channel.values) for channel in message.channels} == {len(message.points)}
         assert len(message.points) == 20 and {point.z for point in message.points} == {1.0}
-        result = next(result for result in room.results if result.header == message.header)
+        result = next(result for result in bent.results if result.header == message.header)
         table = result.arcs.table
         tracks = np.array(message.channels[5].values, int)
         rows = table[[int(np.flatnonzero(table['track'] == track)[0]) for track in tracks]]
         assert rows['length'].min() >= 60
         # In px, the start of the line is that of the arc.
         starts = np.array([(point.x, point.y, 1) for point in message.points])
-        axes = room.scene._camera(0).axes
-        seen = replace(room.scene._camera(0), position=np.zeros(3)).project(starts @ axes)
+        axes = bent.scene._camera(0).axes
+        seen = replace(bent.scene._camera(0), position=np.zeros(3)).project(starts @ axes)
         assert np.abs(seen - rows['start']).max() < 0.5
         assert 0 < min(message.channels[3].values) and max(message.channels[3].values) < 0.01
         assert set(message.channels[4].values) == {-1.0}
 
 
 @pytest.mark.slow
-def test_directions_are_those_of_the_attitude() -> None:
-    result = walk(0.0).results[0]
+def test_directions_are_those_of_the_attitude(straight: Walk) -> None:
+    result = straight.results[0]
     labels = np.arange(len(result.arcs)) % 4 - 1
     attitude = Attitude(
         360.0, 1.0, np.array([0.0, -1, 0]), 0.01, -np.eye(3)[[1, 0, 2]], labels, None, 0.0,
@@ -222,8 +231,9 @@ def test_directions_are_those_of_the_attitude() -> None:
 
 
 @pytest.mark.slow
-def test_an_image_without_arcs_gives_an_empty_message_in_the_same_layout() -> None:
-    result = walk(0.0).results[0]
+def test_an_image_without_arcs_gives_an_empty_message_in_the_same_layout(
+        straight: Walk) -> None:
+    result = straight.results[0]
     table = np.zeros(0, result.arcs.table.dtype)
     empty = replace(Arcs.empty(), table=table)
     message = OUTPUT.message(replace(result, arcs=empty, feed=Feed()))
@@ -233,8 +243,8 @@ def test_an_image_without_arcs_gives_an_empty_message_in_the_same_layout() -> No
 
 
 @pytest.mark.slow
-def test_two_cameras_are_told_apart() -> None:
-    left, right = (messages(walk(0.0), cameras=2, camera_index=index)[3] for index in (0, 1))
+def test_two_cameras_are_told_apart(straight: Walk) -> None:
+    left, right = (messages(straight, cameras=2, camera_index=index)[3] for index in (0, 1))
     assert {camera for camera, _ in decoded(left, 2).values()} == {0}
     assert {camera for camera, _ in decoded(right, 2).values()} == {1}
     assert not set(decoded(left, 2)) & set(decoded(right, 2))
