@@ -103,8 +103,8 @@ class Settings:
         'length (~/attitude, ~/gravity, direction in ~/arcs). A calibrated camera_info beside the '
         'images is used where there is one.')
     up_hint: str = parameter(
-        '-y', 'About where up is in the optical frame (x right, y down, z forward) at first: -y, '
-        '+y, -x, +x, -z or +z; up is the axis of the place closest to it.',
+        '-y', 'Approximate direction of up in the first image, in the optical frame (x right, y '
+        'down, z forward): -y, +y, -x, +x, -z or +z; up is the axis of the place closest to it.',
         choices=tuple(UP_HINTS))
     focal: str = parameter(
         'off', 'Focal length on ~/camera_info: off (focal_length, or a plausible one), estimate '
