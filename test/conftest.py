@@ -19,7 +19,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     """
-    Send all tests of a module with a costly fixture of its own to one worker, which sets it up once.
+    Send all tests of a module with a costly fixture to one worker, which sets it up once.
 
     The marks ``xdist_group`` of pytest-xdist 3.8 have no effect with pytest 9.2, see
     https://github.com/pytest-dev/pytest-xdist/issues/1386.
@@ -29,6 +29,7 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     from xdist.scheduler import LoadScopeScheduling
 
     class Scheduling(LoadScopeScheduling):
+
         def _split_scope(self, nodeid: str) -> str:
             module = nodeid.partition('::')[0]
             return module if SHARED.search((ROOT / module).read_text()) else nodeid

@@ -3,11 +3,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 import multiprocessing
+from multiprocessing.forkserver import ensure_running
 from multiprocessing.process import BaseProcess
 import os
 from pathlib import Path
 import random
 import shutil
+import sys
 import tempfile
 from typing import NamedTuple
 
@@ -16,7 +18,6 @@ import pytest
 
 pytestmark = pytest.mark.slow
 FORKS = multiprocessing.get_context('forkserver')
-FORKS.set_forkserver_preload(['qflsd_ros.core.compilation'])
 
 
 class Start(NamedTuple):
@@ -63,6 +64,16 @@ def start(cache: Path | None, first: Callable[[], object] = nothing) -> Start:
 
 def files(cache: Path) -> list[Path]:
     return [path for path in cache.rglob('*') if path.is_file()]
+
+
+@pytest.fixture(scope='module', autouse=True)
+def fork_server() -> None:
+    """Start the process from which all others are forked, with numba ready to compile."""
+    FORKS.set_forkserver_preload(['warm_numba'])
+    with pytest.MonkeyPatch.context() as patch:
+        # Python 3.11 does not give it the path of this process.
+        patch.setenv('PYTHONPATH', os.pathsep.join(sys.path))
+        ensure_running()
 
 
 @pytest.fixture(scope='module')
