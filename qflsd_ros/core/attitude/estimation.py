@@ -309,7 +309,9 @@ def log_focal_std(solution: Solution, fit: Fit) -> float:
 
 def _up_std(up: np.ndarray, fit: Fit, solution: Solution) -> tuple[float | None, str]:
     """Return the deviation of up, radians, on its worse side; or the reason why it has none."""
-    turn = np.cross(np.eye(3), up)      # rows: change of up by a rotation about each axis
+    x, y, z = up.tolist()
+    # Rows: change of up by a rotation about each axis of the optical frame.
+    turn = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     variance = np.linalg.eigvalsh(turn.T @ fit.covariance[:3, :3] @ turn)[-1]
     shared = solution.scale ** 2 * math.hypot(SHARED_UP, SHARED_UP_LENS * curved(fit))
     std = math.hypot(math.sqrt(variance), shared, _spread(up, solution))
