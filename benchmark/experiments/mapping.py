@@ -176,9 +176,9 @@ def room(lam: float, frames: range, shape: tuple[int, int], estimated: bool = Fa
     surfaces = 100 * walk.off_surfaces(samples(lines)) / lines.distances[:, None]
     gain, spent = gains(seen, tracks, edges, walk.edges), cost(seen)
     return (title, len(tracks), number(on.mean(), 2), *_percentiles(off[on]),
-            *_percentiles(surfaces), f'{share:.3f} of {count}', number(honesty(lines.chosen(on), true)),
-            number(gain['normals'], 2), number(gain['ends'], 2), number(spent.usual, 2),
-            number(spent.always, 2))
+            *_percentiles(surfaces), f'{share:.3f} of {count}',
+            number(honesty(lines.chosen(on), true)), number(gain['normals'], 2),
+            number(gain['ends'], 2), number(spent.usual, 2), number(spent.always, 2))
 
 
 def _percentiles(values: np.ndarray) -> tuple[str, str]:

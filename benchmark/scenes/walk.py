@@ -146,7 +146,6 @@ class Walk:
                for rays in one.planes.ends.transpose(1, 0, 2)]
         return np.sort(np.stack(cut, axis=1), axis=1)
 
-
     def off_surfaces(self, points: np.ndarray) -> np.ndarray:
         """Return the distances of points, (..., 3), from the nearest surface of the room, m."""
         off = np.full(points.shape[:-1], np.inf)

@@ -138,7 +138,8 @@ def _excess(arcs: Arcs, camera: CameraModel) -> np.ndarray:
     table = arcs.table
     start, middle, end = (camera.rays(table[name]) for name in ('start', 'middle', 'end'))
     first, second = np.cross(start, middle), np.cross(middle, end)
-    turn = np.arctan2(np.linalg.norm(np.cross(first, second), axis=1), (first * second).sum(axis=1))
+    turn = np.arctan2(np.linalg.norm(np.cross(first, second), axis=1),
+                      (first * second).sum(axis=1))
     spread = table['curvature_std'] * np.hypot(*(table['end'] - table['start']).T) / 2
     return np.asarray(np.maximum(turn - spread, 0.0))
 
