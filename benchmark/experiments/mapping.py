@@ -27,6 +27,7 @@ from scipy.spatial import cKDTree
 NOISE = 2.0             # grey levels
 LAMBDAS = 0.0, -0.5
 FRAMES = 570            # of the room: 2 m
+ESTIMATED = 90          # of these that lens and focal length are estimated from: 3 s
 LEAST_SEEN = 10         # frames in which a line was seen, to count
 SAMPLES = 11            # points along a line
 LONG, COVERED = 0.3, 0.6    # m of an edge that must be in sight, and the share to be mapped
@@ -156,9 +157,13 @@ def gains(seen: list[Seen], confirmed: np.ndarray, edges: dict[int, int], truth:
             for change in ('normals', 'ends')}
 
 
-def room(lam: float, frames: range, shape: tuple[int, int]) -> tuple[object, ...]:
-    """Return a row of the table for the room through a lens."""
-    walk = Walk(lam, NOISE, shape)
+def room(lam: float, frames: range, shape: tuple[int, int], estimated: bool = False
+         ) -> tuple[object, ...]:
+    """Return a row of the table for the room through a lens, a known or an estimated one."""
+    walk, title = Walk(lam, NOISE, shape), f'lambda {lam:g}'
+    if estimated:
+        bend, focal = walk.estimate(frames[:ESTIMATED])
+        title += f', estimated ({bend:+.4f}, focal length {focal:+.2%})'
     seen = walk.see(frames)
     result = mapped(seen)
     often = result.seen >= LEAST_SEEN
@@ -168,11 +173,12 @@ def room(lam: float, frames: range, shape: tuple[int, int]) -> tuple[object, ...
     true = walk.edges[[edges[track] for track in tracks[on].tolist()]]
     off = 100 * distances(samples(lines), walk.edges) / lines.distances[:, None]
     share, count = completeness(lines, walk.edges, walk.visible(frames[::EVERY]))
+    surfaces = 100 * walk.off_surfaces(samples(lines)) / lines.distances[:, None]
     gain, spent = gains(seen, tracks, edges, walk.edges), cost(seen)
-    return (f'lambda {lam:g}', len(tracks), number(on.mean(), 2), *_percentiles(off[on]),
-            *_percentiles(off), f'{share:.3f} of {count}', number(honesty(lines.chosen(on), true)),
-            number(gain['normals'], 2), number(gain['ends'], 2), number(spent.usual, 2),
-            number(spent.always, 2))
+    return (title, len(tracks), number(on.mean(), 2), *_percentiles(off[on]),
+            *_percentiles(surfaces), f'{share:.3f} of {count}',
+            number(honesty(lines.chosen(on), true)), number(gain['normals'], 2),
+            number(gain['ends'], 2), number(spent.usual, 2), number(spent.always, 2))
 
 
 def _percentiles(values: np.ndarray) -> tuple[str, str]:
@@ -273,21 +279,27 @@ def measure(experiment: Experiment) -> str:
     """Write the section."""
     triangulation.warm_up()
     every = experiment.effort.every
-    rows = [room(lam, range(FRAMES // every), experiment.effort.shape) for lam in LAMBDAS]
+    # A part of the way does not determine the focal length.
+    kinds = (False, True) if every == 1 else (False,)
+    rows = [room(lam, range(FRAMES // every), experiment.effort.shape, estimated)
+            for estimated in kinds for lam in LAMBDAS]
     posed = [Recording(folder) for folder in experiment.sequences
              if (folder / 'sequence.json').exists()]
     parts = [
         f'The room, noise {NOISE:g} grey levels, a camera with known poses that walks '
         f'{2 / every:.1f} m in {FRAMES // every} frames. Lines seen in {LEAST_SEEN} frames or '
-        'more; distances of points from end to end of the lines from the nearest true edge, % of '
-        'their depth, of lines whose arcs depict a true edge (within 2 px) and of all: the others '
-        f'are wood grain and textures. mapped: share of the edges of {LONG:g} m in sight with '
+        'more; distances of points from end to end of the lines, % of their depth: from the '
+        'nearest true edge, of lines whose arcs depict one (within 2 px), and of all lines from '
+        'the nearest surface, as the others are wood grain and joints of boards, which lie on '
+        'surfaces and are no edges of the scene. estimated: lens and focal length are those that '
+        f'the arcs of the first {ESTIMATED} frames show, with the errors in brackets, instead of '
+        f'the true ones. mapped: share of the edges of {LONG:g} m in sight with '
         f'contrast that are mapped to {COVERED:.0%} within {CLOSE:.0%} of their depth; stated: '
         'errors over stated deviations; gain: by how much weights by covariance lower the median '
         'error against equal weights of the normals, and of the end points; ms: CPU time a frame '
         'and 100 lines, with maps at 2 Hz and with one each frame.',
-        table(('lens', 'lines', 'on edges', 'median', 'p90', 'all: median', 'p90', 'mapped',
-               'stated', 'gain: normals', 'ends', 'ms', 'ms, each'), rows)]
+        table(('lens', 'lines', 'on edges', 'median', 'p90', 'all, surface: median', 'p90',
+               'mapped', 'stated', 'gain: normals', 'ends', 'ms', 'ms, each'), rows)]
     rows = [stereo(lam, range(STEREO // every), experiment.effort.shape) for lam in LAMBDAS]
     parts += [
         f'Two cameras in the room, {BASELINE[0]:g} m beside each other; every {EVERY}th of '

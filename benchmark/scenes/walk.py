@@ -5,12 +5,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from qflsd_ros.core import Arcs, Tracker
+from qflsd_ros.core import Arcs, AttitudeTracker, Tracker
 from qflsd_ros.core.geometry.planes import Planes, planes
 from qflsd_ros.core.lens.camera_model import CameraModel
+from qflsd_ros.core.lens.conversion import calibration_terms, CameraInfoTerms
+from qflsd_ros.core.lens.tracker import LensTracker
 from qflsd_ros.core.pose import Pose
 from qflsd_ros.sources.scene import Scene
 from qflsd_ros.sources.scene.optics import calibration, Camera
+from qflsd_ros.sources.scene.room import furnish
 
 BINS = 200          # parts of an edge
 CONTRAST = 10.0     # grey levels, of edges that can be found: five times the noise
@@ -66,14 +69,32 @@ class Walk:
         self._scene = Beside(width, height, lam, noise)
         self._scene.shift = np.array(shift)
         terms = calibration(self._scene.lens)
-        self._camera = CameraModel(terms.distortion_model, terms.matrix, terms.coefficients)
+        self._camera, self._lens = _model(terms), self._scene.lens
         self.edges, self.focal = self._scene.edges, float(terms.matrix[0, 0])
+
+    def estimate(self, frames: range) -> tuple[float, float]:
+        """
+        Replace lens and focal length by those that the arcs of some frames show.
+
+        Returns the errors of lambda and, relative, of the focal length.
+        """
+        tracker, lenses, attitudes = Tracker(), LensTracker(), AttitudeTracker()
+        shape, lens = self._scene.lens.shape, None
+        for number in frames:
+            arcs = tracker.track(self._scene.image(number), lens=lens)
+            lenses.add(arcs, shape)
+            lens = lenses.estimate.model if lenses.estimate else None
+            attitudes.add(arcs, shape, lenses.estimate)
+        assert lens is not None and attitudes.focal is not None
+        self._lens, focal = lens, attitudes.focal[0]
+        self._camera = _model(calibration_terms(self._lens, focal))
+        return self._lens.lam - self._scene.lens.lam, focal / self.focal - 1
 
     def see(self, frames: range) -> list[Seen]:
         """Return what is seen in frames."""
         tracker, found = Tracker(), []
         for number in frames:
-            arcs = tracker.track(self._scene.image(number), lens=self._scene.lens)
+            arcs = tracker.track(self._scene.image(number), lens=self._lens)
             found.append(Seen.of(arcs, self._camera, self._scene.pose(number)))
         return found
 
@@ -124,6 +145,19 @@ class Walk:
                  / (np.cross(normals, along) * rays).sum(axis=1))
                for rays in one.planes.ends.transpose(1, 0, 2)]
         return np.sort(np.stack(cut, axis=1), axis=1)
+
+    def off_surfaces(self, points: np.ndarray) -> np.ndarray:
+        """Return the distances of points, (..., 3), from the nearest surface of the room, m."""
+        off = np.full(points.shape[:-1], np.inf)
+        for box in furnish(self._scene.seed):
+            beyond = np.abs(box.local(points)) - np.array(box.size) / 2
+            outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=-1)
+            off = np.minimum(off, np.abs(outside + np.minimum(beyond.max(axis=-1), 0.0)))
+        return off
+
+
+def _model(terms: CameraInfoTerms) -> CameraModel:
+    return CameraModel(terms.distortion_model, terms.matrix, terms.coefficients)
 
 
 def _seen_from(pose: Pose, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

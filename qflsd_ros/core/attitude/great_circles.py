@@ -38,6 +38,10 @@ from qflsd_ros.core.lens.observation import RIM
 # radians times its length in px.  Residuals to the truth of annotated photographs (York Urban,
 # 1.3 degrees at 20 px to .5 at 300); offset_std predicts 2 to 16 times less.
 FLAW, ENDS = math.radians(0.3), math.radians(28.0)
+# The same of arcs that are bent beyond the images of straight edges, over the angle by which they
+# turn beyond them in half their length.  Residuals there: .6 times that angle between 1 and 8
+# degrees, at any length from 25 to 800 px.
+BENT = 0.6
 # Squared radius (half diagonals) at which w does not depend on mu: between the mean over an image
 # and its corners, as arcs that are far out determine lambda.
 KNOT = 0.5
@@ -66,12 +70,32 @@ class Observed(NamedTuple):
     seen: np.ndarray
 
 
-def observe(arcs: Arcs, lens: DivisionModel) -> Observed:
+def excess(arcs: Arcs, lens: DivisionModel, deviation: float) -> np.ndarray:
+    """
+    Return by how much arcs are bent beyond the images of straight edges: (M,) radians.
+
+    It is the angle by which an arc turns over half its length, as far as that exceeds its
+    deviation, which is that of its curvature and of lambda.
+    """
+    table, unit = arcs.table, lens.half_diagonal
+    chord = table['end'] - table['start']
+    size = np.hypot(*chord.T)
+    middle = (table['middle'] - lens.origin) / unit
+    across = (chord[:, 0] * middle[:, 1] - chord[:, 1] * middle[:, 0]) / np.maximum(
+        size, np.finfo(float).tiny)
+    w = 1 - lens.lam * (middle ** 2).sum(axis=1)
+    off = np.abs(table['curvature'] * unit - 2 * lens.lam * across / w)
+    spread = np.hypot(table['curvature_std'] * unit, deviation * 2 * across / w ** 2)
+    return np.asarray(np.maximum(off - spread, 0.0) * size / (2 * unit))
+
+
+def observe(arcs: Arcs, lens: DivisionModel, turn: np.ndarray) -> Observed:
     """
     Return observations of the arcs that may be images of straight edges.
 
     Arcs without a length are left out, and circles about the distortion centre, which are the rim
-    of a fisheye's image circle.  Of the lens, centre and unit of length count.
+    of a fisheye's image circle.  Of the lens, centre and unit of length count.  ``turn`` is the
+    :func:`excess` of each arc, (M,) radians.
     """
     table = arcs.table
     chord = table['end'] - table['start']
@@ -83,7 +107,7 @@ def observe(arcs: Arcs, lens: DivisionModel) -> Observed:
     is_rim = np.hypot(*(bend[:, None] * middle + normal).T) < RIM * np.abs(bend)
     order = np.argsort(-size, kind='stable')
     order = order[(size > 0)[order] & ~is_rim[order]]
-    deviation = np.hypot(FLAW, ENDS / size[order])
+    deviation = np.sqrt(FLAW ** 2 + (ENDS / size[order]) ** 2 + (BENT * turn[order]) ** 2)
     return Observed(order, np.column_stack([middle[order], normal[order], deviation]))
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from qflsd_ros.core.arcs import Arcs
 from qflsd_ros.core.attitude.great_circles import (
-    COLUMNS, NORMAL_X, NORMAL_Y, observe, Observed, X, Y)
+    COLUMNS, excess, NORMAL_X, NORMAL_Y, observe, Observed, X, Y)
 from qflsd_ros.core.attitude.refinement import Prior
 from qflsd_ros.core.attitude.solution import EXACT, prior_of
 from qflsd_ros.core.compilation import compiled
@@ -89,7 +89,8 @@ def view_of(arcs: Arcs, shape: tuple[int, int], lens: Lens, focal: float | None)
         return _calibrated(arcs, shape, lens)
     model, deviation = _lens(arcs, shape, lens)
     known = None if focal is None else (math.log(focal / model.half_diagonal), EXACT)
-    return View(observe(arcs, model), len(arcs), model, deviation, known, None)
+    seen = observe(arcs, model, excess(arcs, model, deviation))
+    return View(seen, len(arcs), model, deviation, known, None)
 
 
 def _lens(arcs: Arcs, shape: tuple[int, int], lens: LensEstimate | DivisionModel | None
@@ -116,7 +117,7 @@ def _calibrated(arcs: Arcs, shape: tuple[int, int], camera: CameraModel) -> View
     unit = float(np.hypot(*shape)) / 2
     focal = float(camera.matrix[0, 0] + camera.matrix[1, 1]) / 2 / unit
     lens = DivisionModel(-1 / (4 * focal ** 2), shape)
-    raw = observe(arcs, DivisionModel(0.0, shape))
+    raw = observe(arcs, DivisionModel(0.0, shape), _excess(arcs, camera))
     table = arcs.table[raw.arcs]
     along = table['end'] - table['start']
     along /= np.hypot(*along.T)[:, None]
@@ -131,6 +132,17 @@ def _calibrated(arcs: Arcs, shape: tuple[int, int], camera: CameraModel) -> View
     shown = np.isfinite(seen).all(axis=1)
     return View(Observed(raw.arcs[shown], seen[shown]), len(arcs), lens, 0.0,
                 (math.log(focal), 0.0), camera)
+
+
+def _excess(arcs: Arcs, camera: CameraModel) -> np.ndarray:
+    """Return what :func:`great_circles.excess` does, of a calibrated camera."""
+    table = arcs.table
+    start, middle, end = (camera.rays(table[name]) for name in ('start', 'middle', 'end'))
+    first, second = np.cross(start, middle), np.cross(middle, end)
+    turn = np.arctan2(np.linalg.norm(np.cross(first, second), axis=1),
+                      (first * second).sum(axis=1))
+    spread = table['curvature_std'] * np.hypot(*(table['end'] - table['start']).T) / 2
+    return np.asarray(np.maximum(turn - spread, 0.0))
 
 
 def _stereographic(rays: np.ndarray, focal: float) -> np.ndarray:

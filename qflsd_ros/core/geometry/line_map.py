@@ -7,9 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from qflsd_ros.core.compilation import compiled
+from qflsd_ros.core.geometry.found_again import found_again
 from qflsd_ros.core.geometry.lines import Lines
 from qflsd_ros.core.geometry.planes import Planes
-from qflsd_ros.core.geometry.triangulation import as_lines, RESULT, results
+from qflsd_ros.core.geometry.triangulation import AGREED, as_lines, RESULT, results
 from qflsd_ros.core.geometry.views import CENTRE, observed, VIEW
 from qflsd_ros.core.pose import Pose
 
@@ -31,6 +32,9 @@ STEADY, QUARTER = 0.4, 25.0
 # Images without a track after which it is removed unless it is confirmed: more than the 60 for
 # which the tracker keeps one that it has lost.
 PATIENCE = 90
+# Share of the views of two lines that must agree with one line in place of both.  Chosen, not
+# tuned.
+UNITED = 0.8
 
 
 class MappedLines(NamedTuple):
@@ -40,7 +44,7 @@ class MappedLines(NamedTuple):
     Attributes
     ----------
     tracks
-        (N,) int64, identities.
+        (N,) int64, identities; of an edge that was lost and found again, the first one.
     seen
         (N,) int64, images in which each was seen.
     lines
@@ -57,8 +61,9 @@ class LineMap:
     """
     Lines of the world by their tracks.
 
-    The memory is flat: of each track at most :data:`VIEWS` views are kept, those that are farthest
-    apart, and of :data:`CAPACITY` tracks those that were seen last.
+    A track that shows the same line as one that ended before continues it.  The memory is flat: of
+    each line at most :data:`VIEWS` views are kept, those that are farthest apart, and of
+    :data:`CAPACITY` lines those that were seen last.
     """
 
     def __init__(self) -> None:
@@ -66,17 +71,19 @@ class LineMap:
         self._views = np.zeros((CAPACITY, VIEWS, VIEW))
         self._counts = np.zeros(CAPACITY, np.int64)
         self._seen = np.zeros(CAPACITY, np.int64)
+        self._first = np.zeros(CAPACITY, np.int64)
         self._last = np.zeros(CAPACITY, np.int64)
         self._tracks = np.zeros(CAPACITY, np.int64)
         self._results = np.zeros((CAPACITY, RESULT))
         self._changed = np.zeros(CAPACITY, bool)
-        self._slots: dict[int, int] = {}
+        self._slots: dict[int, int] = {}            # of tracks, several of which may share one
+        self._names: dict[int, list[int]] = {}      # tracks of each slot
         self._free = list(range(CAPACITY - 1, -1, -1))
         self._image = 0
 
     def __len__(self) -> int:
-        """Return the number of tracks, confirmed or not."""
-        return len(self._slots)
+        """Return the number of lines, confirmed or not."""
+        return len(self._names)
 
     def add(self, tracks: np.ndarray, planes: Planes, pose: Pose) -> None:
         """
@@ -102,17 +109,46 @@ class LineMap:
         self._changed[slots] = True
 
     def lines(self) -> MappedLines:
-        """Return the confirmed lines, and remove tracks that ended without being confirmed."""
+        """
+        Return the confirmed lines.
+
+        Tracks that ended without being confirmed are removed, and those that are found again
+        united with what they were before.
+        """
         changed = np.flatnonzero(self._changed)
         self._results[changed] = results(self._views[changed], self._counts[changed])
         self._changed[changed] = False
-        used = np.array([self._slots[track] for track in sorted(self._slots)], np.int64)
-        lines = as_lines(self._results[used])
-        confirmed = self._confirmed(lines, self._seen[used])
+        used = self._used()
+        confirmed = self._confirmed(as_lines(self._results[used]), self._seen[used])
         for slot in used[~confirmed & (self._last[used] < self._image - PATIENCE)]:
             self._remove(slot)
         kept = used[confirmed]
-        return MappedLines(self._tracks[kept], self._seen[kept], lines.chosen(confirmed))
+        pairs = found_again(as_lines(self._results[kept]), self._first[kept], self._last[kept])
+        gone = [new for old, new in kept[pairs] if self._unite(old, new)]
+        kept = kept[~np.isin(kept, gone)]
+        return MappedLines(self._tracks[kept], self._seen[kept], as_lines(self._results[kept]))
+
+    def _used(self) -> np.ndarray:
+        """Return the slots of all lines in the order of their tracks."""
+        slots = np.fromiter(self._names, np.int64, len(self._names))
+        return slots[np.argsort(self._tracks[slots])]
+
+    def _unite(self, old: int, new: int) -> bool:
+        """Add the views of a line to those of an earlier one, and return whether they agree."""
+        views, counts = self._views[[old]], self._counts[[old]]
+        for view in self._views[new, :self._counts[new]]:
+            _keep(views, counts, np.zeros(1, np.int64), view[None])
+        united = results(views, counts)
+        if united[0, AGREED] < UNITED * counts[0] or not as_lines(united).determined[0]:
+            return False
+        self._views[old], self._counts[old], self._results[old] = views[0], counts[0], united[0]
+        self._seen[old] += self._seen[new]
+        self._last[old] = self._last[new]
+        names = self._names[new]
+        self._remove(new)
+        self._names[old] += names
+        self._slots.update(dict.fromkeys(names, old))
+        return True
 
     @staticmethod
     def _confirmed(lines: Lines, seen: np.ndarray) -> np.ndarray:
@@ -131,14 +167,17 @@ class LineMap:
         """Return the slots of tracks, (N,), of new ones too."""
         new = [track for track in tracks.tolist() if track not in self._slots]
         while len(self._free) < len(new):
-            self._remove(min(self._slots.values(), key=lambda slot: self._last[slot]))
+            self._remove(min(self._names, key=lambda slot: self._last[slot]))
         for track in new:
             slot = self._slots[track] = self._free.pop()
+            self._names[slot] = [track]
             self._tracks[slot], self._counts[slot], self._seen[slot] = track, 0, 0
+            self._first[slot] = self._image
         return np.array([self._slots[track] for track in tracks.tolist()], np.int64)
 
     def _remove(self, slot: int) -> None:
-        del self._slots[int(self._tracks[slot])]
+        for track in self._names.pop(int(slot)):
+            del self._slots[track]
         self._changed[slot] = False
         self._free.append(slot)
 

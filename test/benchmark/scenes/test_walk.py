@@ -44,3 +44,16 @@ def test_another_camera_is_beside(walk: Walk) -> None:
     here, there = walk.see(range(3))[-1].pose, shifted.see(range(3))[-1].pose
     assert there.relative_to(here).centre == pytest.approx((0.2, 0, 0))
     assert there.rotation == pytest.approx(here.rotation)
+
+
+def test_edges_lie_on_surfaces_and_the_camera_does_not(walk: Walk) -> None:
+    assert walk.off_surfaces(walk.edges).max() < 1e-9
+    assert walk.off_surfaces(walk.edges.mean(axis=1) + (0, 0, 0.01)).max() <= 0.01 + 1e-9
+    assert walk.off_surfaces(walk.see(range(1))[0].pose.centre) > 0.3
+
+
+@pytest.mark.slow
+def test_lens_and_focal_length_are_estimated() -> None:
+    unknown = Walk(-0.5, 2.0, (240, 320))
+    bend, focal = unknown.estimate(range(60))
+    assert 0 < abs(bend) < 0.03 and 0 < abs(focal) < 0.03

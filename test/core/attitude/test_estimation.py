@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from qflsd_ros.core import (
     Arcs, Detector, DivisionModel, estimate_attitude, estimate_distortion, Parameters)
-from qflsd_ros.core.attitude.great_circles import lines, observe
+from qflsd_ros.core.attitude.great_circles import excess, lines, observe
 from qflsd_ros.core.attitude.refinement import _accumulate, _move, STATE, UNKNOWNS
 from qflsd_ros.sources import Scene
 from qflsd_ros.sources.scene.optics import FOCAL
@@ -76,6 +76,42 @@ def test_deviations_are_honest():
     assert 0.2 < np.sqrt(np.mean(np.square(focal_z))) < 1.3
     assert 0.1 < np.sqrt(np.mean(np.square(up_z))) < 1.3
     assert abs(np.mean(focal_z)) < 3 / np.sqrt(len(focal_z))
+
+
+def bent(arcs: Arcs, turns: np.ndarray, off: np.ndarray) -> Arcs:
+    """Return arcs that turn by angles over half their length, and point past by others."""
+    table = arcs.table.copy()
+    table['curvature'] += 2 * turns / table['length']
+    for name in ('start', 'end'):
+        x, y = (table[name] - table['middle']).T
+        table[name] += off[:, None] * np.column_stack([-y, x])
+    return replace(arcs, table=table)
+
+
+def test_bent_arcs_count_less():
+    """Half of the arcs are bent, and point past their directions as those of photographs do."""
+    lens, errors = DivisionModel(0.0, SHAPE), []
+    for seed in range(12):
+        random = np.random.default_rng(seed)
+        arcs = place(VIEW, 500.0, seed=seed)
+        turns = np.radians(8.0) * random.uniform(-1, 1, len(arcs)) * (np.arange(len(arcs)) % 2)
+        arcs = bent(arcs, turns, 0.6 * turns * random.normal(size=len(arcs)))
+        straight = bent(arcs, -turns, np.zeros(len(arcs)))
+        errors.append([estimate_attitude(some, SHAPE, lens).camera[0, 0] / 500 - 1
+                       for some in (arcs, straight)])
+    known, unknown = np.sqrt(np.mean(np.square(errors), axis=0))
+    assert known < 0.75 * unknown
+
+
+@pytest.mark.parametrize('lam', [0.0, -0.5])
+def test_the_excess_is_the_angle_beyond_the_image_of_an_edge(lam):
+    lens, turn = DivisionModel(lam, SHAPE), np.full(100, np.radians(2.0))
+    arcs = place(VIEW, 500.0, lam, others=0)
+    more = bent(arcs, turn, np.zeros(100))
+    assert excess(arcs, lens, 0.0).mean() < np.radians(0.2)
+    assert np.median(excess(more, lens, 0.0)) == pytest.approx(turn[0], rel=0.2)
+    # Where lambda is hardly known, it may be the lens that bends edges far from the centre.
+    assert excess(more, lens, 0.5).mean() < 0.6 * turn[0]
 
 
 def test_a_given_focal_length_is_kept():
@@ -195,7 +231,7 @@ def test_errors_name_the_argument(arguments, words):
 
 def test_the_slope_is_that_of_the_likelihood():
     """The analytic derivatives agree with differences, for all unknowns."""
-    seen = observe(place(VIEW, 500.0, -0.3), DivisionModel(0.0, SHAPE)).seen
+    seen = observe(place(VIEW, 500.0, -0.3), DivisionModel(0.0, SHAPE), np.zeros(160)).seen
     state = np.concatenate([turned(0.61, 0.26, 0.04).ravel(), [0.2, -0.29, 0.02, 0.01, -0.02]])
     points, hessian, slope = np.empty((3, 3)), np.empty((UNKNOWNS,) * 2), np.empty(UNKNOWNS)
     _accumulate(seen, state, points, hessian, slope)
@@ -211,7 +247,7 @@ def test_the_slope_is_that_of_the_likelihood():
 
 def test_lines_pass_their_points():
     lens = DivisionModel(-0.4, SHAPE)
-    seen = observe(place(VIEW, 500.0, -0.4), lens).seen
+    seen = observe(place(VIEW, 500.0, -0.4), lens, np.zeros(160)).seen
     rows = lines(seen, -0.4, 0.0)
     square = (seen[:, :2] ** 2).sum(axis=1)
     q = np.column_stack([seen[:, :2], 1 - 0.4 * square])

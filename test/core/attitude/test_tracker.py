@@ -171,10 +171,6 @@ def through(arcs: Arcs, camera: CameraModel) -> Arcs:
         rays = np.column_stack([(table[name] - k[:2, 2]) / k[0, 0], np.ones(len(table))])
         radius = np.hypot(*rays[:, :2].T)
         table[name] = k[:2, 2] + k[0, 0] * rays[:, :2] * (np.arctan(radius) / radius)[:, None]
-    # The chord stands for the tangent at the middle.
-    middle = table['middle']
-    half = (table['end'] - table['start']) / 2
-    table['start'], table['end'] = middle - half, middle + half
     return dataclasses.replace(arcs, table=table)
 
 

@@ -76,7 +76,7 @@ def test_the_memory_is_flat(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(line_map, 'CAPACITY', 50)
     world, ways = LineMap(), poses(15)
     for round_ in range(4):
-        show(world, ways, TRACKS + 30 * round_)
+        show(world, ways, TRACKS + 30 * round_, LINES + (0.1 * round_, 0, 0))
         assert len(world) <= 50
     # The newest are there.
     newest = world.lines().tracks
@@ -98,3 +98,43 @@ def test_views_are_kept_over_the_whole_way():
     whole, end = world.lines(), late.lines()
     assert np.median(whole.lines.distances * whole.lines.deviations) < 0.005
     assert len(end.tracks) < len(whole.tracks)
+
+
+def test_a_track_that_shows_a_known_line_continues_it():
+    world, ways = LineMap(), poses(60)
+    show(world, ways[:25])
+    before = world.lines()
+    show(world, ways[35:], TRACKS + 100, seed=1)
+    after = world.lines()
+    again = np.isin(after.tracks, before.tracks) & (after.seen == 50)
+    assert again.sum() > 20
+    known = np.isin(before.tracks, after.tracks[again])
+    assert (np.median(after.lines.chosen(again).deviations)
+            < 0.7 * np.median(before.lines.chosen(known).deviations))
+    off = after.lines.chosen(again).ends - LINES[after.tracks[again] - 1]
+    assert np.abs(off).max() < 0.02
+
+
+def test_a_line_goes_on_under_the_track_that_continues_it():
+    world, ways = LineMap(), poses(60)
+    show(world, ways[:20])
+    show(world, ways[25:45], TRACKS + 100, seed=1)
+    count = len(world.lines().tracks)
+    show(world, ways[45:], TRACKS + 100, seed=2)
+    after = world.lines()
+    assert len(after.tracks) == count
+    assert (after.seen == 55).sum() > 20
+
+
+def test_a_united_line_is_removed_with_all_its_tracks(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(line_map, 'CAPACITY', 70)
+    world, ways = LineMap(), poses(60)
+    show(world, ways[:20])
+    show(world, ways[25:45], TRACKS + 100, seed=1)
+    assert (world.lines().seen == 40).sum() > 20
+    elsewhere = LINES + (0, 0, 4)
+    for round_ in range(2, 6):
+        show(world, ways, TRACKS + 100 * round_, elsewhere, seed=round_)
+        assert len(world) <= 70
+    show(world, ways, TRACKS + 100, seed=1)
+    assert len(world.lines().tracks) <= 70
