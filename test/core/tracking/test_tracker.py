@@ -10,7 +10,7 @@ import pytest
 from qflsd_ros.core import DivisionModel, Parameters, Tracker, with_straightness
 from qflsd_ros.core.arcs import TRACKED_TABLE
 from qflsd_ros.core.tracking import state
-from qflsd_ros.core.tracking.tracker import LAST_IDENTITY
+from qflsd_ros.core.tracking.birth import LAST_IDENTITY
 
 HEIGHT, WIDTH = 240, 320
 
@@ -218,12 +218,16 @@ def test_the_state_does_not_grow():
 
 
 def test_numbers_begin_again_after_the_last_one_but_for_those_alive():
-    tracker = Tracker()
-    tracker.track(frames(1)[0])
-    alive = set(tracker._tracks.rows[:, state.IDENTITY].astype(int).tolist())
+    tracker, images = Tracker(), frames(8)
+    old = identities(tracker.track(images[0]))
+    assert {1, 2, 3} <= set(tracker._tracks.rows[:, state.IDENTITY].astype(int).tolist())
     tracker._next = LAST_IDENTITY
-    given = tracker._identities(3).tolist()
-    assert given[0] == LAST_IDENTITY and not set(given) & alive and min(given) >= 1
+    for image in images[1:]:
+        tracks = tracker.track(image).table['track'].tolist()
+        assert len(set(tracks)) == len(tracks) and min(tracks) >= 1
+        assert set(tracks) <= old | {LAST_IDENTITY} | set(range(1, 1000))
+    alive = tracker._tracks.rows[:, state.IDENTITY]
+    assert LAST_IDENTITY in alive and len(set(alive.tolist())) == len(alive)
 
 
 def test_straightness_keeps_the_columns_of_a_track():
