@@ -20,7 +20,7 @@ TAKEN = ((columns.CONTRAST, state.CONTRAST), (columns.POLARITY, state.POLARITY),
 class Chains(NamedTuple):
     """The edge points of arcs, as those of :class:`arcs.Arcs`."""
 
-    points: np.ndarray      # (N, 2) float64, px
+    points: np.ndarray      # (2, N) float64, x and y, px
     offsets: np.ndarray     # (M + 1,) int64: where those of each arc begin
 
 
@@ -58,7 +58,7 @@ def _take_points(chains: Chains, k: int, points: np.ndarray) -> int:
     taken = min(count, len(points))
     for j in range(taken):
         at = first + j * (count - 1) // max(taken - 1, 1)
-        points[j, 0], points[j, 1] = chains.points[at, 0], chains.points[at, 1]
+        points[j, 0], points[j, 1] = chains.points[0, at], chains.points[1, at]
     return int(taken)
 
 

@@ -151,7 +151,8 @@ class Tracker:
         detected = Detected(arcs, found.table['length'].copy(), order, fates)
         limits = confirmation.Limits(self.parameters.min_distance, self.parameters.min_score)
         confirmation.decide(self._grid, rows, self._confirmed, detected, limits, self._outcome)
+        # The detector stores x and y of all edge points one after the other: this copies nothing.
+        chains = birth.Chains(np.ascontiguousarray(found.edge_points.T), found.offsets)
         self._tracks.count, self._next = birth.begin(
-            detected, birth.Chains(found.edge_points, found.offsets),
-            birth.Limits(self._next, limits.min_score + confirmation.SURER), self._tracks.memory,
-            self._tracks.count, self._points)
+            detected, chains, birth.Limits(self._next, limits.min_score + confirmation.SURER),
+            self._tracks.memory, self._tracks.count, self._points)
