@@ -92,16 +92,12 @@ class Tracker:
         if image is None:
             return report.none()
         view, rows = sight(image), self._tracks.rows
-        # Tracks that were lost before the last search wait for the next one.
-        patience = max(self._since, self._motion.lost)
         known = len(rows) > 0 and self._motion.predict(view, rows)
         if not known:
             if detected is None:
                 detected = self._detect_now(gray, mask, lens)
             self._leave(rows, detected)
-            patience = confirmation.NEVER
-        elif detected is not None:
-            patience = confirmation.PATIENCE
+        patience = confirmation.PATIENCE if known else confirmation.NEVER
         spacing = measurement.WIDER if detected is None else measurement.SPACING
         measurement.measure(view, rows, Effort(patience, spacing), self._normals, self._points,
                             self._confirmed)
