@@ -2,8 +2,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+import math
 
 import numpy as np
+
+from qflsd_ros.core.compilation import compiled
 
 TABLE = np.dtype([
     ('start', np.float64, 2),       # px, on the fitted arc
@@ -39,6 +42,58 @@ ALL_COLUMNS = np.dtype([
 # TABLE as columns of one float64 array in which kernels fill it, x and y one after the other.
 (START, MIDDLE, END, CURVATURE, LENGTH, RMS, SUPPORT, CURVATURE_STD, OFFSET_STD, SCORE, CONTRAST,
  POLARITY, BENT, COLUMNS) = 0, 2, 4, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16
+
+
+@compiled
+def _divide(lengths: np.ndarray, curvatures: np.ndarray, tolerance: float, halves: np.ndarray,
+            counts: np.ndarray) -> int:
+    """Write half the turn of each arc, radians, and the number of its vertices; return the sum."""
+    total = 0
+    for i in range(len(lengths)):
+        halves[i] = curvatures[i] * lengths[i] / 2
+        # The sagitta of a chord that turns by t is (1 - cos(t / 2)) / |curvature|.
+        # Twice the chords have a quarter of it.
+        bow = min(max(1 - tolerance * abs(curvatures[i]), -1.0), 1.0)
+        share = abs(halves[i]) / max(math.acos(bow), 5e-13)
+        counts[i] = int(math.ceil(2 * share) if share > 1 else 1) + 1
+        total += counts[i]
+    return total
+
+
+@compiled
+def _place(starts: np.ndarray, ends: np.ndarray, halves: np.ndarray, counts: np.ndarray,
+           points: np.ndarray) -> None:
+    """
+    Write evenly spaced points of M arcs, one arc after the other.
+
+    Parameters
+    ----------
+    starts, ends
+        (M, 2) float64, px.
+    halves
+        (M,) float64, half the turn of each arc, radians.
+    counts
+        (M,) int64, the number of points of each, both ends included.
+    points
+        (sum of counts, 2) float64, receives the points, px.
+
+    """
+    n = 0
+    for i in range(len(halves)):
+        # With complex numbers, a chord c from the start s, and the part u of half the turn h,
+        # a point is s + c exp(i (u - h)) sin(u) / sin(h): as exact for what is all but straight.
+        half = halves[i] if halves[i] != 0 else 1e-300
+        cosine, sine = math.cos(half), math.sin(half)
+        x, y = ends[i, 0] - starts[i, 0], ends[i, 1] - starts[i, 1]
+        fx, fy = (x * cosine + y * sine) / sine, (y * cosine - x * sine) / sine
+        step = half / (counts[i] - 1)
+        for k in range(counts[i]):
+            part = step * k
+            rise = math.sin(part)
+            px, py = rise * math.cos(part), rise * rise
+            points[n, 0] = px * fx - py * fy + starts[i, 0]
+            points[n, 1] = px * fy + py * fx + starts[i, 1]
+            n += 1
 
 
 @dataclass(frozen=True)
@@ -147,36 +202,25 @@ class Arcs:
         """
         if not tolerance > 0:
             raise ValueError(f'tolerance is {tolerance}: must be above 0 px')
-        length, curvature = self.table['length'], self.table['curvature']
-        half = curvature * length / 2
-        # The sagitta of a chord that turns by t is (1 - cos(t / 2)) / |curvature|.
-        # Twice the chords have a quarter of it.
-        bow = np.clip(1 - tolerance * np.abs(curvature), -1, 1)
-        share = np.abs(half) / np.maximum(np.arccos(bow), 5e-13)
-        chords = np.where(share > 1, np.ceil(2 * share), 1).astype(np.int64)
-        return self._at(half, chords), chords + 1
+        length, curvature = (self.table[name].astype(np.float64)
+                             for name in ('length', 'curvature'))
+        half, counts = np.empty(len(self)), np.empty(len(self), np.int64)
+        total = _divide(length, curvature, tolerance, half, counts)
+        return self._at(half, counts, total), counts
 
-    def _at(self, half: np.ndarray, chords: np.ndarray) -> np.ndarray:
-        """Return the ends of equal chords of all arcs, which turn by twice ``half`` radians."""
-        # With complex numbers, a chord c from the start s, and the part u of half the turn h,
-        # a point is s + c exp(i (u - h)) sin(u) / sin(h): as exact for what is all but straight.
-        half = np.where(half == 0, 1e-300, half)
-        start, end = (self.table[name].view(np.complex128)[:, 0] for name in ('start', 'end'))
-        counts = chords + 1
-        index = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
-        part = np.repeat(half / chords, counts) * index
-        rise = np.sin(part)
-        points = np.empty(len(part), np.complex128)
-        np.multiply(rise, np.cos(part), out=points.real)
-        np.multiply(rise, rise, out=points.imag)
-        points *= np.repeat((end - start) * np.exp(-1j * half) / np.sin(half), counts)
-        points += np.repeat(start, counts)
-        return points.view(np.float64).reshape(-1, 2)
+    def _at(self, half: np.ndarray, counts: np.ndarray, total: int) -> np.ndarray:
+        """Return evenly spaced points of all arcs, which turn by twice ``half`` radians."""
+        points = np.empty((total, 2))
+        # Copies, since numba compiles anew for columns that are not aligned.
+        _place(self.table['start'].astype(np.float64), self.table['end'].astype(np.float64), half,
+               counts, points)
+        return points
 
     def samples(self, count: int) -> np.ndarray:
         """Return ``count`` >= 2 points of each arc, evenly from start to end: (M, count, 2) px."""
         half = self.table['curvature'] * self.table['length'] / 2
-        return self._at(half, np.full(len(self), count - 1)).reshape(len(self), count, 2)
+        counts = np.full(len(self), count, np.int64)
+        return self._at(half, counts, count * len(self)).reshape(len(self), count, 2)
 
     def scaled(self, factor: int) -> Arcs:
         """

@@ -55,7 +55,7 @@ class Detector:
         """Compile the kernels, or load compiled ones from disk, before the first frame."""
         gray = np.zeros((64, 64), np.uint8)
         gray[16:48, 16:48] = 255
-        Detector().detect(gray)
+        Detector().detect(gray).vertices()
 
     def detect(self, gray: np.ndarray, mask: np.ndarray | None = None,
                lens: DivisionModel | None = None) -> Arcs:

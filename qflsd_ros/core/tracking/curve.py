@@ -61,6 +61,17 @@ def place(arc: Curve, x: float, y: float) -> tuple[float, float]:
 
 
 @inlined
+def beside(arc: Curve, x: float, y: float) -> tuple[float, float, float, float]:
+    """Return what :func:`place` returns, and the unit normal of the arc beside the point."""
+    ox, oy, ux, uy, half, h, k = arc
+    t = (x - ox) * ux + (y - oy) * uy
+    s = k * t
+    c = math.sqrt(max(1 - s * s, STEEPEST * STEEPEST))
+    off = ((y - oy) * ux - (x - ox) * uy - h + s * t / (1 + c)) * c
+    return t / half, off, s * ux - c * uy, s * uy + c * ux
+
+
+@inlined
 def length(arc: Curve) -> float:
     """Return the length of an arc, px."""
     turn = abs(arc[6]) * arc[4]

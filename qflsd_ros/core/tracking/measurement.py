@@ -14,16 +14,17 @@ from typing import NamedTuple
 import numpy as np
 
 from qflsd_ros.core.compilation import compiled, inlined
-from qflsd_ros.core.detection.frame import Frame
 from qflsd_ros.core.tracking import curve
+from qflsd_ros.core.tracking.confirmation import needed
 from qflsd_ros.core.tracking.motion.looks import nearest, ONE_SIDED, weakest
-from qflsd_ros.core.tracking.normals import EDGES, edges_along, in_sight
+from qflsd_ros.core.tracking.normals import EDGES, edges_along, in_sight, Sight
 from qflsd_ros.core.tracking.state import (
-    CONTRAST, EDGES as EDGE_COUNT, END, FIRST, LAST, MIDDLE, POLARITY, RMS, SHIFT, START, STEP,
-    SUPPORT, TURN)
+    CONTRAST, EDGES as EDGE_COUNT, END, FIRST, LAST, LOST, MIDDLE, POLARITY, RMS, SHIFT, START,
+    STEP, SUPPORT, TURN)
 
 # All of these are chosen, not tuned.
 SPACING = 3.0           # px between normals
+WIDER = 6.0             # px between normals in images that are not searched for arcs
 LEAST, MOST = 6, 40     # fewest and most normals of a track
 REACH = 3.5             # px, length of a normal on either side
 GATES = (3.5, 2.5, 1.8, 1.5)    # px from which on an edge has no weight, by iteration
@@ -40,10 +41,18 @@ OWN = 0.5               # gain of a track's own motion, relative to the field, f
 Fit = tuple[float, float, float]
 
 
+class Effort(NamedTuple):
+    """Which tracks are measured, and how densely."""
+
+    patience: int           # frames lost, at most, of a track that is measured
+    spacing: float          # px between normals
+
+
 class Normals(NamedTuple):
     """Memory for the normals of one track."""
 
     shares: np.ndarray      # (MOST,) float64, position of each along the chord, -1 to 1
+    rays: np.ndarray        # (MOST, 4) float64, the point on the track there, px, and the normal
     found: np.ndarray       # (MOST, EDGES) float64, distances of edges along it, px
     counts: np.ndarray      # (MOST,) int64, number of these edges
     strength: np.ndarray    # (MOST, EDGES) float64, their gradients, grey levels
@@ -51,8 +60,8 @@ class Normals(NamedTuple):
 
 def memory() -> Normals:
     """Return memory for the normals of one track."""
-    return Normals(np.empty(MOST), np.empty((MOST, EDGES)), np.empty(MOST, np.int64),
-                   np.empty((MOST, EDGES)))
+    return Normals(np.empty(MOST), np.empty((MOST, 4)), np.empty((MOST, EDGES)),
+                   np.empty(MOST, np.int64), np.empty((MOST, EDGES)))
 
 
 @inlined
@@ -66,14 +75,16 @@ def _fit(normals: Normals, n: int, fit: Fit, gate: float, terms: int) -> Fit:
     """Return the fit, with 1 to 3 ``terms``, to the edges nearest to the previous ``fit``."""
     a00, a11, a22 = STIFF
     a01 = a02 = a12 = b0 = b1 = b2 = 0.0
+    scale = 1 / gate
     for k in range(n):
         s = normals.shares[k]
         q = s * s - 1 / 3
-        e = nearest(normals.found[k], normals.counts[k], _value(fit, s))
-        r = e - _value(fit, s)
-        if not abs(r) < gate:
+        expected = fit[0] + fit[1] * s + fit[2] * q
+        e = nearest(normals.found[k], normals.counts[k], expected)
+        r = (e - expected) * scale
+        if not abs(r) < 1:
             continue
-        w = (1 - (r / gate) ** 2) ** 2
+        w = (1 - r * r) * (1 - r * r)
         a00 += w
         a01 += w * s
         a02 += w * q
@@ -128,13 +139,15 @@ def _index_of_nearest(distances: np.ndarray, count: int, expected: float) -> int
 
 
 @inlined
-def _write(rows: np.ndarray, i: int, normals: Normals, n: int, fit: Fit,
+def _write(row: np.ndarray, normals: Normals, n: int, fit: Fit, half: float,
            points: np.ndarray) -> None:
-    """Write the support of a fit: its share, extent, rms, contrast and edge points."""
-    arc = curve.curve(rows, i)
+    """
+    Write the support of a fit: its share, extent, rms, contrast and edge points.
+
+    ``half`` is half the distance between two normals along the chord.
+    """
     inliers, squares, steps = 0, 0.0, 0.0
-    half = 1 / _count(arc)
-    rows[i, FIRST], rows[i, LAST] = 1.0, -1.0
+    row[FIRST], row[LAST] = 1.0, -1.0
     for k in range(n):
         share = normals.shares[k]
         expected = _value(fit, share)
@@ -142,76 +155,97 @@ def _write(rows: np.ndarray, i: int, normals: Normals, n: int, fit: Fit,
         if best < 0:
             continue
         off = normals.found[k, best]
-        x, y, nx, ny = curve.at(arc, share)
-        points[i, inliers, 0], points[i, inliers, 1] = x + off * nx, y + off * ny
+        ray = normals.rays[k]
+        points[inliers, 0], points[inliers, 1] = ray[0] + off * ray[2], ray[1] + off * ray[3]
         inliers += 1
         squares += (off - expected) ** 2
         steps += normals.strength[k, best]
-        rows[i, FIRST] = min(rows[i, FIRST], share - half)
-        rows[i, LAST] = max(rows[i, LAST], share + half)
-    rows[i, SUPPORT], rows[i, EDGE_COUNT] = inliers / max(n, 1), inliers
+        row[FIRST] = min(row[FIRST], share - half)
+        row[LAST] = max(row[LAST], share + half)
+    row[SUPPORT], row[EDGE_COUNT] = inliers / max(n, 1), inliers
     if inliers > 0:
-        rows[i, RMS], rows[i, STEP] = math.sqrt(squares / inliers), steps / inliers
+        row[RMS], row[STEP] = math.sqrt(squares / inliers), steps / inliers
 
 
 @inlined
-def _count(arc: curve.Curve) -> int:
+def _count(arc: curve.Curve, spacing: float) -> int:
     """Return the number of normals of an arc."""
-    return min(max(int(2 * arc[4] / SPACING), LEAST), MOST)
+    return min(max(int(2 * arc[4] / spacing), LEAST), MOST)
 
 
 @inlined
-def _look(image: Frame, rows: np.ndarray, i: int, normals: Normals) -> int:
-    """Find the edges along the normals of a track; return the number of normals in sight."""
+def _look(image: Sight, rows: np.ndarray, i: int, needed: float, count: int,
+          normals: Normals) -> int:
+    """
+    Find the edges along ``count`` normals of a track; return the number of normals in sight.
+
+    It is 0 if so many normals have no edge that the track cannot have the support ``needed``.
+    """
     arc = curve.curve(rows, i)
     wanted = weakest(rows, i, image.noise), rows[i, POLARITY] > ONE_SIDED
-    n, count = 0, _count(arc)
+    n, empty, most = 0, 0, (1 - needed) * count
     for j in range(count):
         s = (2 * j + 1) / count - 1
         x, y, nx, ny = curve.at(arc, s)
-        if in_sight(image, x, y):
-            normals.shares[n] = s
-            normals.counts[n] = edges_along(image, (x, y, nx, ny), REACH, wanted,
-                                            normals.found[n], normals.strength[n])
-            n += 1
+        if not in_sight(image, x, y):
+            continue
+        normals.shares[n] = s
+        normals.rays[n] = x, y, nx, ny
+        normals.counts[n] = edges_along(image, (x, y, nx, ny), REACH, wanted, normals.found[n],
+                                        normals.strength[n])
+        empty += normals.counts[n] == 0
+        if empty > most:
+            return 0
+        n += 1
     return n
 
 
+@inlined
+def _follow(rows: np.ndarray, i: int, fit: Fit, normals: Normals, n: int) -> None:
+    """Move a track to where it was found, and learn from that its contrast and own motion."""
+    _move(rows, i, fit)
+    _shorten(rows, i, normals.shares[0], normals.shares[n - 1])
+    rows[i, CONTRAST] += (1 - MEMORY) * (rows[i, STEP] - rows[i, CONTRAST])
+    rows[i, SHIFT] += OWN * fit[0]
+    rows[i, TURN] += OWN * fit[1]
+
+
 @compiled
-def measure(image: Frame, rows: np.ndarray, needed: np.ndarray, normals: Normals,
-            points: np.ndarray) -> None:
+def measure(image: Sight, rows: np.ndarray, effort: Effort, normals: Normals, points: np.ndarray,
+            confirmed: np.ndarray) -> None:
     """
-    Measure all tracks near their predicted places.
+    Measure tracks near their predicted places.
 
     Parameters
     ----------
     image
         The frame.
     rows
-        (M, COLUMNS) float64, the tracks; those with sufficient support are moved.
-    needed
-        (M,) float64, least share of the normals in sight with an edge within CLOSE.
+        (M, COLUMNS) float64, the tracks; those that are confirmed are moved.
+    effort
+        Which tracks are measured; others are not confirmed.
     normals
         Scratch.
     points
-        (M, MOST, 2) float64, receives the edges that support each track, px, in order along it.
+        (M or more, MOST, 2) float64, receives the edges that support each track, px, in order
+        along it.
+    confirmed
+        (M or more,) bool, receives which tracks have the support that they need.
 
     """
     for i in range(len(rows)):
-        n = _look(image, rows, i, normals)
-        if n < LEAST_SEEN:
-            rows[i, SUPPORT], rows[i, EDGE_COUNT] = 0.0, 0.0
-            continue
-        fit = 0.0, 0.0, 0.0
-        for step, gate in enumerate(GATES):
-            fit = _fit(normals, n, fit, gate, min(step + 1, 3 if n >= BENDS else 2))
-        _write(rows, i, normals, n, fit, points)
-        if rows[i, SUPPORT] >= needed[i]:
-            _move(rows, i, fit)
-            _shorten(rows, i, normals.shares[0], normals.shares[n - 1])
-            rows[i, CONTRAST] += (1 - MEMORY) * (rows[i, STEP] - rows[i, CONTRAST])
-            rows[i, SHIFT] += OWN * fit[0]
-            rows[i, TURN] += OWN * fit[1]
-        else:
+        confirmed[i] = False
+        if rows[i, LOST] <= effort.patience:
+            least, count = needed(rows, i), _count(curve.curve(rows, i), effort.spacing)
+            n = _look(image, rows, i, least, count, normals)
+            if n >= LEAST_SEEN:
+                fit = 0.0, 0.0, 0.0
+                for step, gate in enumerate(GATES):
+                    fit = _fit(normals, n, fit, gate, min(step + 1, 3 if n >= BENDS else 2))
+                _write(rows[i], normals, n, fit, 1 / count, points[i])
+                if rows[i, SUPPORT] >= least:
+                    _follow(rows, i, fit, normals, n)
+                    confirmed[i] = True
+        if not confirmed[i]:
             rows[i, SHIFT] *= OWN
             rows[i, TURN] *= OWN

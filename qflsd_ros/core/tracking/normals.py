@@ -10,6 +10,7 @@ gradients need no interpolation.  The maximum is interpolated by the parabola of
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,21 +26,31 @@ EDGES = 4               # edges kept on a normal, the closest to the arc; chosen
 Wanted = tuple[float, bool]
 
 
+class Sight(NamedTuple):
+    """An image of (H, W) pixels in which normals are searched, its rows one behind the other."""
+
+    dx: np.ndarray          # (H W,) int16, as of a Frame
+    dy: np.ndarray
+    seen: np.ndarray        # (H W,) bool: where no masked pixel is near
+    masked: bool            # whether any pixel is masked
+    height: int
+    width: int
+    noise: float            # standard deviation of the gradients, grey levels
+
+
+def sight(frame: Frame) -> Sight:
+    """Return a frame as the searches along normals use it; its arrays are views."""
+    height, width = frame.dx.shape
+    return Sight(frame.dx.ravel(), frame.dy.ravel(), frame.region.seen.ravel(),
+                 frame.region.masked, height, width, frame.noise)
+
+
 @inlined
-def in_sight(image: Frame, x: float, y: float) -> bool:
+def in_sight(image: Sight, x: float, y: float) -> bool:
     """Return whether a point lies in the image, 1 px from its border, and near no masked pixel."""
-    height, width = image.dx.shape
-    if not (1 <= x <= width - 2 and 1 <= y <= height - 2):
+    if not (1 <= x <= image.width - 2 and 1 <= y <= image.height - 2):
         return False
-    return not image.region.masked or image.region.seen[int(y + 0.5), int(x + 0.5)]
-
-
-@inlined
-def _across(image: Frame, row: int, column: int, nx: float, ny: float,
-            signed: bool) -> float:
-    """Return the gradient along a normal, in the units of the image."""
-    g = image.dx[row, column] * nx + image.dy[row, column] * ny
-    return g if signed else abs(g)
+    return not image.masked or image.seen[int(y + 0.5) * image.width + int(x + 0.5)]
 
 
 @inlined
@@ -59,7 +70,22 @@ def _insert(found: np.ndarray, strength: np.ndarray, count: int, off: float,
 
 
 @inlined
-def edges_along(image: Frame, ray: tuple[float, float, float, float], reach: float,
+def _along(image: Sight, at: int, nx: float, ny: float, signed: bool) -> float:
+    """Return the gradient along a normal at a pixel, in the units of the image."""
+    # An unsigned index need not be tested for being negative.
+    g = image.dx[np.uintp(at)] * nx + image.dy[np.uintp(at)] * ny
+    return g if signed else abs(g)
+
+
+@inlined
+def _is_edge(image: Sight, at: int, nx: float, ny: float, g: float) -> bool:
+    """Return whether a maximum g of the gradient is no masked pixel, and across the normal."""
+    across = abs(image.dx[at] * ny - image.dy[at] * nx)
+    return across <= TURNED * g and (not image.masked or image.seen[at])
+
+
+@inlined
+def edges_along(image: Sight, ray: tuple[float, float, float, float], reach: float,
                 wanted: Wanted, found: np.ndarray, strength: np.ndarray) -> int:
     """
     Find the edges along a normal.
@@ -69,7 +95,7 @@ def edges_along(image: Frame, ray: tuple[float, float, float, float], reach: flo
     image
         The frame.
     ray
-        A point, px, and the unit normal there.
+        A point in the image, px, and the unit normal there.
     reach
         Length of the normal on either side, px.
     wanted
@@ -85,36 +111,26 @@ def edges_along(image: Frame, ray: tuple[float, float, float, float], reach: flo
 
     """
     (x, y, nx, ny), (least, signed) = ray, wanted
-    height, width = image.dx.shape
-    across_x = abs(nx) >= abs(ny)
-    if across_x:
-        fixed = int(y + 0.5)
-        centre, per, size, lines = x - (fixed - y) * ny / nx, nx, width, height
+    if abs(nx) >= abs(ny):
+        fixed, per, size, step = int(y + 0.5), nx, image.width, 1
+        centre, origin = x - (fixed - y) * ny / nx, fixed * image.width
     else:
-        fixed = int(x + 0.5)
-        centre, per, size, lines = y - (fixed - x) * nx / ny, ny, height, width
-    if not 0 <= fixed < lines:
-        return 0
+        fixed, per, size, step = int(x + 0.5), ny, image.height, image.width
+        centre, origin = y - (fixed - x) * nx / ny, fixed
     far = reach / abs(per)
     first = max(int(math.ceil(centre - far)), 1)
     last = min(int(math.floor(centre + far)), size - 2)
     if first > last:
         return 0
-    step_row, step_column = (0, 1) if across_x else (1, 0)
-    row, column = (fixed, first) if across_x else (first, fixed)
-    before = _across(image, row - step_row, column - step_column, nx, ny, signed)
-    here = _across(image, row, column, nx, ny, signed)
+    at = origin + first * step
+    before = _along(image, at - step, nx, ny, signed)
+    here = _along(image, at, nx, ny, signed)
     count, limit = 0, least * GAIN
     for k in range(first, last + 1):
-        after = _across(image, row + step_row, column + step_column, nx, ny, signed)
-        if here >= limit and here > before and here >= after:
-            along = abs(image.dx[row, column] * ny - image.dy[row, column] * nx)
-            open_here = not image.region.masked or image.region.seen[row, column]
-            if open_here and along <= TURNED * here:
-                peak = 0.5 * (before - after) / (before - here + (after - here))
-                count = _insert(found, strength, count, (k + peak - centre) * per,
-                                here / GAIN)
+        after = _along(image, at + step, nx, ny, signed)
+        if here >= limit and here > before and here >= after and _is_edge(image, at, nx, ny, here):
+            peak = 0.5 * (before - after) / (before - here + (after - here))
+            count = _insert(found, strength, count, (k + peak - centre) * per, here / GAIN)
         before, here = here, after
-        row += step_row
-        column += step_column
+        at += step
     return count

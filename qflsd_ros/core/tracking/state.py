@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from qflsd_ros.core.compilation import compiled
+
 # Columns of a row.  Start, middle and end are x and y, px.
 START, MIDDLE, END = 0, 2, 4
 CONTRAST = 6        # grey levels, mean step across
@@ -26,9 +28,24 @@ EDGES = 18          # number of supporting edges
 HELD = 19           # 1 where no arc was detected on it in this frame
 STEP = 20           # grey levels, mean step across in this frame
 REPORTED = 21       # 1 where it is confirmed and its score suffices
-COLUMNS = 22
+WANTED = 22         # 1 while it is kept
+COLUMNS = 23
 
 MOST = 4096         # tracks, lost ones included: more than an image has arcs; chosen, not tuned
+
+
+@compiled
+def _keep(rows: np.ndarray) -> int:
+    """Move the wanted rows to the front, in order; return their number."""
+    count = 0
+    for i in range(len(rows)):
+        if rows[i, WANTED] == 0:
+            continue
+        if count < i:
+            for column in range(COLUMNS):
+                rows[count, column] = rows[i, column]
+        count += 1
+    return count
 
 
 class Tracks:
@@ -37,23 +54,13 @@ class Tracks:
     def __init__(self) -> None:
         """Begin without a track."""
         self.count = 0
-        self._rows = np.zeros((MOST, COLUMNS))
+        self.memory = np.zeros((MOST, COLUMNS))
 
     @property
     def rows(self) -> np.ndarray:
         """Return the rows: (count, COLUMNS) float64, a view."""
-        return self._rows[:self.count]
+        return self.memory[:self.count]
 
-    def keep(self, wanted: np.ndarray) -> None:
-        """Remove the tracks where ``wanted``, (count,) bool, is False."""
-        if wanted.all():
-            return
-        kept = self.rows[wanted]
-        self._rows[:len(kept)] = kept
-        self.count = len(kept)
-
-    def add(self, rows: np.ndarray) -> None:
-        """Append rows (N, COLUMNS); those beyond MOST tracks in all are dropped."""
-        rows = rows[:MOST - self.count]
-        self._rows[self.count:self.count + len(rows)] = rows
-        self.count += len(rows)
+    def keep_wanted(self) -> None:
+        """Remove the tracks that are not wanted."""
+        self.count = _keep(self.rows)

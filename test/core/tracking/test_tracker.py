@@ -10,7 +10,7 @@ import pytest
 from qflsd_ros.core import DivisionModel, Parameters, Tracker, with_straightness
 from qflsd_ros.core.arcs import TRACKED_TABLE
 from qflsd_ros.core.tracking import state
-from qflsd_ros.core.tracking.tracker import LAST_IDENTITY
+from qflsd_ros.core.tracking.birth import LAST_IDENTITY
 
 HEIGHT, WIDTH = 240, 320
 
@@ -218,12 +218,17 @@ def test_the_state_does_not_grow():
 
 
 def test_numbers_begin_again_after_the_last_one_but_for_those_alive():
-    tracker = Tracker()
-    tracker.track(frames(1)[0])
-    alive = set(tracker._tracks.rows[:, state.IDENTITY].astype(int).tolist())
-    tracker._next = LAST_IDENTITY
-    given = tracker._identities(3).tolist()
-    assert given[0] == LAST_IDENTITY and not set(given) & alive and min(given) >= 1
+    tracker, images = Tracker(), frames(8)
+    tracker.track(images[0])
+    first = set(tracker._tracks.rows[:, state.IDENTITY].astype(int).tolist())
+    assert {1, 2, 3} <= first
+    tracker._next, given = LAST_IDENTITY, set()
+    for image in images[1:]:
+        tracker.track(image)
+        alive = tracker._tracks.rows[:, state.IDENTITY].astype(int).tolist()
+        assert len(set(alive)) == len(alive) and 1 <= min(alive) <= max(alive) <= LAST_IDENTITY
+        given |= set(alive) - first
+    assert LAST_IDENTITY in given and min(given) > 3 and len(given) > 3
 
 
 def test_straightness_keeps_the_columns_of_a_track():

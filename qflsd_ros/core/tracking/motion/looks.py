@@ -6,9 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from qflsd_ros.core.compilation import compiled
-from qflsd_ros.core.detection.frame import Frame
 from qflsd_ros.core.tracking import curve
-from qflsd_ros.core.tracking.normals import EDGES, edges_along, in_sight
+from qflsd_ros.core.tracking.normals import EDGES, edges_along, in_sight, Sight
 from qflsd_ros.core.tracking.state import CONTRAST, POLARITY
 
 # Columns of a place: a point of a track and the normal there; the same point in the frame before.
@@ -42,7 +41,7 @@ def weakest(rows: np.ndarray, i: int, noise: float) -> float:
 
 
 @compiled
-def look(image: Frame, before: np.ndarray, rows: np.ndarray, chosen: np.ndarray,
+def look(image: Sight, before: np.ndarray, rows: np.ndarray, chosen: np.ndarray,
          rays: tuple[int, float], looks: Looks) -> int:
     """
     Find the edges along normals of some tracks.

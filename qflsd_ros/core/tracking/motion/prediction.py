@@ -1,15 +1,23 @@
-"""Prediction: the places of tracks in the next frame, by the motion field and their own motion."""
+"""
+Prediction: the places of tracks in the next frame, by the motion field and their own motion.
+
+The field is estimated from the longest tracks: first a translation by votes, from a few normals of
+each, then the field from more and shorter ones.
+"""
 from __future__ import annotations
+
+import math
+from typing import NamedTuple
 
 import numpy as np
 
-from qflsd_ros.core.compilation import compiled
-from qflsd_ros.core.detection.frame import Frame
+from qflsd_ros.core.compilation import compiled, inlined
 from qflsd_ros.core.tracking.curve import at, curve
 from qflsd_ros.core.tracking.motion import field, looks
-from qflsd_ros.core.tracking.motion.field import CUBIC
+from qflsd_ros.core.tracking.motion.field import CUBIC, Extent, extent
 from qflsd_ros.core.tracking.motion.vote import translation
-from qflsd_ros.core.tracking.state import COLUMNS, END, LOST, MIDDLE, SHIFT, START, TURN
+from qflsd_ros.core.tracking.normals import Sight
+from qflsd_ros.core.tracking.state import END, LOST, MIDDLE, MOST, SHIFT, START, TURN
 
 # All of these are chosen, not tuned.
 LONGEST = 100           # tracks, the longest ones, from which the motion is estimated
@@ -19,22 +27,130 @@ USUAL, WIDE = 18, 40
 REACH = 6.0             # px, length of a normal on either side, after the voted translation
 LOST_BELOW = 0.5        # share of normals that agree with the motion, below which it is unknown
 SURE = 0.75             # the same, from which on no other motion is tried
+PLACES = 6              # numbers of the three points of a track
+LENGTHS = 1024          # px, from which on tracks are equally long: they are sorted by whole px
+
+
+class Memory(NamedTuple):
+    """Arrays that the prediction works on."""
+
+    motion: np.ndarray      # (CUBIC,) float64, the field from the frame before to this one
+    still: np.ndarray       # (CUBIC,) float64, the field of an image at rest
+    best: np.ndarray        # (CUBIC,) float64, the best field so far
+    before: np.ndarray      # (MOST, PLACES) float64, the places of tracks in the frame before
+    chosen: np.ndarray      # (LONGEST,) int64, the tracks from which the motion is estimated
+    lengths: np.ndarray     # (LENGTHS,) int64, number of tracks by length
+    usual: np.ndarray       # (2 USUAL + 1, 2 USUAL + 1) int32, votes
+    wide: np.ndarray        # (2 WIDE + 1, 2 WIDE + 1) int32, votes
+    looks: looks.Looks
+    field: field.Memory
+
+
+def _memory() -> Memory:
+    """Return memory at rest."""
+    usual, wide = (np.empty((2 * reach + 1, 2 * reach + 1), np.int32) for reach in (USUAL, WIDE))
+    return Memory(np.zeros(CUBIC), np.zeros(CUBIC), np.zeros(CUBIC), np.empty((MOST, PLACES)),
+                  np.empty(LONGEST, np.int64), np.empty(LENGTHS, np.int64), usual, wide,
+                  looks.memory(LONGEST * NORMALS), field.memory())
+
+
+@inlined
+def _copy(source: np.ndarray, target: np.ndarray) -> None:
+    """Copy a field; numba's own copy would allocate memory, as both might overlap."""
+    for k in range(CUBIC):
+        target[k] = source[k]
+
+
+@inlined
+def _carry(before: np.ndarray, rows: np.ndarray, i: int, motion: np.ndarray,
+           size: Extent) -> None:
+    """Move a track by the field, and along its normals by its own motion relative to it."""
+    for column in (START, MIDDLE, END):
+        x, y = before[i, column], before[i, column + 1]
+        u, v = field.motion(motion, x, y, size)
+        rows[i, column], rows[i, column + 1] = x + u, y + v
+    arc = curve(rows, i)
+    for column, share in ((START, -1.0), (MIDDLE, 0.0), (END, 1.0)):
+        x, y, nx, ny = at(arc, share)
+        own = rows[i, SHIFT] + rows[i, TURN] * share
+        rows[i, column], rows[i, column + 1] = x + own * nx, y + own * ny
+
+
+@inlined
+def _length(rows: np.ndarray, i: int) -> int:
+    """Return the length of a track's chord, rounded down to px; LENGTHS - 1 at most."""
+    chord = math.hypot(rows[i, END] - rows[i, START], rows[i, END + 1] - rows[i, START + 1])
+    return int(min(chord, LENGTHS - 1.0))
+
+
+@inlined
+def _choose(rows: np.ndarray, lost: int, memory: Memory) -> int:
+    """Choose the longest tracks of the last frame with a known motion; return their number."""
+    lengths = memory.lengths
+    lengths[:] = 0
+    for i in range(len(rows)):
+        if rows[i, LOST] <= lost:
+            lengths[_length(rows, i)] += 1
+    # All that are longer than ``least`` are chosen, and of those of this length the first ones.
+    least, longer = LENGTHS - 1, 0
+    while least > 0 and longer + lengths[least] < LONGEST:
+        longer += lengths[least]
+        least -= 1
+    count, room = 0, LONGEST - longer
+    for i in range(len(rows)):
+        length = _length(rows, i)
+        if rows[i, LOST] > lost or length < least or (length == least and room == 0):
+            continue
+        room -= length == least
+        memory.chosen[count] = i
+        count += 1
+    return count
+
+
+@inlined
+def _try(image: Sight, rows: np.ndarray, chosen: np.ndarray, prior: np.ndarray,
+         votes: np.ndarray, memory: Memory) -> float:
+    """Estimate the field from a prior; return the share of normals that agree with it."""
+    size, estimated = extent(image.height, image.width), memory.field
+    for i in chosen:
+        _carry(memory.before, rows, i, prior, size)
+    n = looks.look(image, memory.before, rows, chosen, (BALLOTS, len(votes) // 2 + 0.0),
+                   memory.looks)
+    if n == 0:
+        return 0.0
+    _copy(prior, estimated.prior)
+    x, y = translation(memory.looks, n, votes)
+    estimated.prior[0] += x
+    estimated.prior[1] += y
+    for i in chosen:
+        _carry(memory.before, rows, i, estimated.prior, size)
+    n = looks.look(image, memory.before, rows, chosen, (NORMALS, REACH), memory.looks)
+    return field.estimate(memory.looks, n, size, estimated)
 
 
 @compiled
-def _carry(before: np.ndarray, rows: np.ndarray, motion: np.ndarray, shape: tuple[int, int],
-           phi: np.ndarray) -> None:
-    """Move tracks by the field, and along their normals by their own motion relative to it."""
+def _predict(image: Sight, rows: np.ndarray, lost: int, memory: Memory) -> float:
+    """Move tracks; return the share of normals that agree, or 0 if the motion is unknown."""
     for i in range(len(rows)):
-        for column in (START, MIDDLE, END):
-            x, y = before[i, column], before[i, column + 1]
-            u, v = field.motion(motion, x, y, shape[1], shape[0], phi)
-            rows[i, column], rows[i, column + 1] = x + u, y + v
-        arc = curve(rows, i)
-        for column, share in ((START, -1.0), (MIDDLE, 0.0), (END, 1.0)):
-            x, y, nx, ny = at(arc, share)
-            own = rows[i, SHIFT] + rows[i, TURN] * share
-            rows[i, column], rows[i, column + 1] = x + own * nx, y + own * ny
+        for column in range(PLACES):
+            memory.before[i, column] = rows[i, column]
+    chosen = memory.chosen[:_choose(rows, lost, memory)]
+    _copy(memory.motion, memory.best)
+    sure = 0.0
+    # Acceleration is small; but a frame may be repeated, or the camera have stopped.
+    for attempt in range(2):
+        if sure < SURE:
+            prior = memory.motion if attempt == 0 else memory.still
+            votes = memory.usual if attempt == 0 and lost == 0 else memory.wide
+            agreeing = _try(image, rows, chosen, prior, votes, memory)
+            if agreeing > max(sure, LOST_BELOW):
+                _copy(memory.field.field, memory.best)
+                sure = agreeing
+    _copy(memory.best, memory.motion)
+    size = extent(image.height, image.width)
+    for i in range(len(rows)):
+        _carry(memory.before, rows, i, memory.motion, size)
+    return sure
 
 
 class Motion:
@@ -42,15 +158,10 @@ class Motion:
 
     def __init__(self) -> None:
         """Begin at rest."""
-        self.field = np.zeros(CUBIC)
         self.lost = 1           # frames since it was known
-        self._before = np.zeros((0, COLUMNS))
-        self._looks = looks.memory(LONGEST * NORMALS)
-        self._votes = {reach: np.empty((2 * reach + 1, 2 * reach + 1), np.int32)
-                       for reach in (USUAL, WIDE)}
-        self._memory = field.memory()
+        self._memory = _memory()
 
-    def predict(self, image: Frame, rows: np.ndarray) -> bool:
+    def predict(self, image: Sight, rows: np.ndarray) -> bool:
         """
         Move tracks (M, COLUMNS) to where they are expected in a frame.
 
@@ -60,40 +171,6 @@ class Motion:
         an empty frame and for another scene; then the tracks move by the last field.
 
         """
-        self._before = rows.copy()
-        shape = image.dx.shape
-        chosen = self._longest(rows)
-        still = np.zeros(CUBIC)
-        best, sure = self.field, 0.0
-        # Acceleration is small; but a frame may be repeated, or the camera have stopped.
-        for prior, reach in ((self.field, WIDE if self.lost else USUAL), (still, WIDE)):
-            if sure < SURE:
-                found, agreeing = self._try(image, rows, chosen, prior, reach)
-                if agreeing > max(sure, LOST_BELOW):
-                    best, sure = found, agreeing
-        self.field = best
+        sure = _predict(image, rows, self.lost, self._memory)
         self.lost = 0 if sure > 0 else self.lost + 1
-        _carry(self._before, rows, self.field, shape, self._memory.phi)
         return sure > 0
-
-    def _longest(self, rows: np.ndarray) -> np.ndarray:
-        """Return the numbers of the longest tracks of the last frame with a known motion."""
-        candidates = np.flatnonzero(rows[:, LOST] <= self.lost)
-        chords = np.hypot(rows[candidates, END] - rows[candidates, START],
-                          rows[candidates, END + 1] - rows[candidates, START + 1])
-        return candidates[np.argsort(-chords, kind='stable')[:LONGEST]]
-
-    def _try(self, image: Frame, rows: np.ndarray, chosen: np.ndarray, prior: np.ndarray,
-             reach: int) -> tuple[np.ndarray, float]:
-        """Return the field estimated from a prior, and the share of normals that agree."""
-        shape, memory = image.dx.shape, self._memory
-        _carry(self._before, rows, prior, shape, memory.phi)
-        n = looks.look(image, self._before, rows, chosen, (BALLOTS, float(reach)), self._looks)
-        if n == 0:
-            return prior, 0.0
-        memory.prior[:] = prior
-        memory.prior[:2] += translation(self._looks, n, self._votes[reach])
-        _carry(self._before, rows, memory.prior, shape, memory.phi)
-        n = looks.look(image, self._before, rows, chosen, (NORMALS, REACH), self._looks)
-        agreeing = field.estimate(self._looks, n, shape, memory)
-        return memory.field.copy(), agreeing

@@ -19,13 +19,15 @@ def _enter(votes: np.ndarray, nx: float, ny: float, d: float) -> None:
     """Add the votes of an edge along its line."""
     reach = len(votes) // 2
     if abs(nx) >= abs(ny):
+        slope, middle = ny / nx, d / nx + 0.5
         for j in range(-reach, reach + 1):
-            i = int(math.floor((d - j * ny) / nx + 0.5))
+            i = int(math.floor(middle - j * slope))
             if -reach <= i <= reach:
                 votes[j + reach, i + reach] += 1
     else:
+        slope, middle = nx / ny, d / ny + 0.5
         for i in range(-reach, reach + 1):
-            j = int(math.floor((d - i * nx) / ny + 0.5))
+            j = int(math.floor(middle - i * slope))
             if -reach <= j <= reach:
                 votes[j + reach, i + reach] += 1
 
@@ -54,9 +56,9 @@ def translation(looks: Looks, n: int, votes: np.ndarray) -> tuple[float, float]:
             here = 0
             for r in range(-1, 2):
                 here += votes[j + r, i - 1] + votes[j + r, i] + votes[j + r, i + 1]
-            # Of equals the smallest motion.
-            away = math.hypot(i - reach, j - reach)
-            value = here - 0.01 * away
-            if value > best:
-                best, best_i, best_j = value, i, j
+            if here > best:
+                # Of equals the smallest motion.
+                value = here - 0.01 * math.hypot(i - reach, j - reach)
+                if value > best:
+                    best, best_i, best_j = value, i, j
     return float(best_i - reach), float(best_j - reach)
