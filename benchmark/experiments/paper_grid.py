@@ -20,12 +20,12 @@ from benchmark.peers import published, TOLERANCE
 from benchmark.report import number, section, table
 from qflsd_ros.core import paper, Parameters
 
-MIN_TRUTH = 20.0                                    # px, as in Table 1
-EPSILON = 20.0, 100.0, 500.0, 2000.0, 10000.0, 50000.0     # px^2
-SHORTEST = 15.0, 25.0, 40.0, 60.0                    # px, min_length
-HIGH = 12.5, 25.0, 37.5, 50.0                       # grey levels, upper threshold of Canny
-LOW = 1 / 3                                         # of the upper threshold
-BEST = 10                                           # rows of the table
+MIN_TRUTH = 20.0                            # px, as in Table 1
+EPSILON = 20.0, 100.0, 500.0, 2000.0, 10000.0, 50000.0      # px^2
+SHORTEST = 15.0, 25.0, 40.0, 60.0            # px, min_length
+HIGH = 12.5, 25.0, 37.5, 50.0                # grey levels, upper threshold of Canny
+LOW = 1 / 3                                 # of the upper threshold
+BEST = 10                                   # rows of the table
 EXPLANATION = (
     'The paper leaves open epsilon, the shortest segment and the thresholds of Canny. All '
     f'combinations of epsilon {", ".join(f"{e:g}" for e in EPSILON)} px^2, shortest segment '

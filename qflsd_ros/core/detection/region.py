@@ -100,7 +100,7 @@ def _fill(usual: np.ndarray, disc: Disc, margin: float, pixels: np.ndarray) -> N
     x, y, radius = disc
     for row in range(usual.shape[0]):
         rest = radius ** 2 - (abs(row - y) + margin) ** 2
-        half = math.sqrt(rest) - margin if rest > 0 else -1.0
+        half = math.sqrt(rest) - margin if rest >= 0 else -1.0
         left = min(max(int(math.ceil(x - half)), 0), usual.shape[1])
         right = min(max(int(math.floor(x + half)) + 1, left), usual.shape[1])
         pixels[row, :left] = False

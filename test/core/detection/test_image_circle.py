@@ -15,6 +15,7 @@ from scenery import scene
 SHAPE = (180, 240)
 Y, X = np.mgrid[:SHAPE[0], :SHAPE[1]]
 RADIUS = 86.0
+APART = 12.0        # px from the rim, from where on no arc meets it
 OFF = Parameters(image_circle='off')
 
 
@@ -38,12 +39,17 @@ def room(seed: int = 0) -> np.ndarray:
     return np.uint8(60 + 0.75 * scene(seed))
 
 
+def place(row: np.void) -> tuple[float, ...]:
+    """Return the end points and the middle of an arc."""
+    return (*row['start'].tolist(), *row['middle'].tolist(), *row['end'].tolist())
+
+
 def reach(arcs: Arcs, x: float, y: float) -> float:
     """Return the largest distance of the arcs from a point, px."""
     return max(float(np.hypot(*(line - (x, y)).T).max()) for line in arcs.polylines(0.1))
 
 
-@given(st.floats(-12, 12), st.floats(-12, 12), st.floats(75, 130), st.floats(0, 4),
+@given(st.floats(-12, 12), st.floats(-12, 12), st.floats(75, 118), st.floats(0, 4),
        st.floats(0.5, 2), st.integers(0, 3))
 def test_circles_of_any_place_and_size_are_found(x, y, radius, noise, blur, seed):
     gray = fisheye(room(seed), 119.5 + x, 89.5 + y, radius, 8.0, blur, noise)
@@ -146,7 +152,7 @@ def test_an_object_that_looks_the_same_is_taken_for_a_circle():
 
 
 @pytest.mark.parametrize('seed', range(4))
-@pytest.mark.parametrize(('x', 'y', 'radius'), [(120, 90, RADIUS), (126, 86, 100), (119, 92, 130)])
+@pytest.mark.parametrize(('x', 'y', 'radius'), [(120, 90, RADIUS), (126, 86, 100), (119, 92, 116)])
 def test_no_arc_at_the_rim_and_all_others_as_without(seed, x, y, radius):
     gray = fisheye(room(seed), x, y, radius, 10.0, noise=1)
     detector = Detector()
@@ -155,9 +161,9 @@ def test_no_arc_at_the_rim_and_all_others_as_without(seed, x, y, radius):
     clear = detector.circle.clear
     assert reach(found, clear.x, clear.y) <= clear.radius + 0.5
     assert radius - clear.radius < 9
-    inner = {tuple(row) for row, line in zip(without.table.tolist(), without.polylines(0.1))
-             if np.hypot(*(line - (clear.x, clear.y)).T).max() < clear.radius - 70}
-    assert {str(row) for row in inner} <= {str(tuple(row)) for row in found.table.tolist()}
+    inner = [place(row) for row, line in zip(without.table, without.polylines(0.1))
+             if np.hypot(*(line - (clear.x, clear.y)).T).max() < clear.radius - APART]
+    assert inner and set(inner) <= {place(row) for row in found.table}
 
 
 def test_the_rim_would_be_found_without():
