@@ -29,7 +29,15 @@ NOT_VARIED = {
     'given by theory': ('gradients.GAIN',),
     'in use only with a known lens': (
         'frame.KNOWN_STD', 'agreement.BOW', 'agreement.BENT', 'agreement.EASE'),
-    'in use only with a mask': ('region.SAMPLED',)}
+    'in use only with a mask': ('region.SAMPLED',),
+    'in use only with an image circle': (
+        'image_circle.RAYS', 'image_circle.SMALLEST', 'image_circle.CORNER',
+        'image_circle.SPREAD', 'image_circle.ALIKE', 'image_circle.STEP', 'image_circle.NOISES',
+        'image_circle.SIDE', 'image_circle.GAP', 'image_circle.RISE', 'image_circle.END',
+        'image_circle.LEAST_RADIUS', 'image_circle.OFF_CENTRE', 'image_circle.NEAR',
+        'image_circle.ROUND', 'image_circle.SHOWN', 'image_circle.BEYOND',
+        'image_circle.QUADRANT', 'image_circle.QUADRANTS', 'image_circle.FEWEST',
+        'image_circle.ROUNDS', 'image_circle.COVERED', 'image_circle.TRUST')}
 LEFT_OUT = frozenset(title for titles in NOT_VARIED.values() for title in titles)
 Name = tuple[str, str]      # module, name in it
 

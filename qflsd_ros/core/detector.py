@@ -4,6 +4,7 @@ from __future__ import annotations
 from collections.abc import Callable
 import math
 
+import cv2
 import numpy as np
 
 from qflsd_ros.core import paper
@@ -12,8 +13,9 @@ from qflsd_ros.core.circle import FIT_SIZE
 from qflsd_ros.core.detection import assembly, extraction, refinement
 from qflsd_ros.core.detection.contours import chains, edges, gradients, noise, thresholds
 from qflsd_ros.core.detection.frame import curvature_limits, Frame, Limits
+from qflsd_ros.core.detection.image_circle import find_image_circle, ImageCircle
 from qflsd_ros.core.detection.joining import joining, pieces
-from qflsd_ros.core.detection.region import Region, region
+from qflsd_ros.core.detection.region import Disc, Region, region, within
 from qflsd_ros.core.lens.division import DivisionModel
 from qflsd_ros.core.parameters import Parameters
 
@@ -41,6 +43,8 @@ class Detector:
     frame
         The gradients and thresholds of the last frame, until the next one.  None before the first
         frame, after an image with a side below 3 px, and with method paper.
+    circle
+        The image circle of the last frame; None where none was found or looked for.
 
     """
 
@@ -49,13 +53,12 @@ class Detector:
         self.parameters = Parameters() if parameters is None else parameters
         self.on_stage: Callable[[str], None] | None = None
         self.frame: Frame | None = None
+        self.circle: ImageCircle | None = None
         self._memory = _Memory(0, 0)
 
     def warm_up(self) -> None:
         """Compile the kernels, or load compiled ones from disk, before the first frame."""
-        gray = np.zeros((64, 64), np.uint8)
-        gray[16:48, 16:48] = 255
-        Detector().detect(gray).vertices()
+        Detector().detect(example()).vertices()
 
     def detect(self, gray: np.ndarray, mask: np.ndarray | None = None,
                lens: DivisionModel | None = None) -> Arcs:
@@ -92,7 +95,7 @@ class Detector:
 
         """
         _check(gray, mask, lens)
-        self.frame = None
+        self.frame = self.circle = None
         if min(gray.shape) < SMALLEST_IMAGE:
             return Arcs.empty()
         gray = _read_only(gray)
@@ -117,17 +120,27 @@ class Detector:
             last = 'which there is not yet' if self.frame is None else self.frame.dx.shape
             raise ValueError(f'image has shape {gray.shape}: must be that of the last image, '
                              f'{last}')
-        memory = self._memory
-        gradients.compute(_read_only(gray), self.frame.blur, memory.dx, memory.dy)
-        self.frame = self.frame._replace(region=memory.region(mask))
+        memory, gray = self._memory, _read_only(gray)
+        gradients.compute(gray, self.frame.blur, memory.dx, memory.dy)
+        self.frame = self.frame._replace(region=self._in_circle(gray, memory.region(mask)))
 
-    def _detect(self, gray: np.ndarray, region: Region, lens: DivisionModel | None) -> Arcs:
+    def _in_circle(self, gray: np.ndarray, where: Region) -> Region:
+        """Return the part of a region in the image circle, all of it where there is none."""
+        if self.parameters.image_circle == 'off':
+            self.circle = None
+        else:
+            self.circle = find_image_circle(gray, where)
+        if self.circle is None:
+            return where
+        return self._memory.within(where, self.circle.clear)
+
+    def _detect(self, gray: np.ndarray, where: Region, lens: DivisionModel | None) -> Arcs:
         """Find the arcs of a region, stage by stage."""
         memory = self._memory
-        grain = noise.estimate(gray, region)
+        grain = noise.estimate(gray, where)
         limits = self._limits(grain, lens)
         self._ended('noise')
-        self.frame = frame = self._compute_frame(gray, region, grain)
+        self.frame = frame = self._compute_frame(gray, where, grain)
         self._ended('gradients')
         memory.reserve(edges.find(frame, memory.rows, memory.edges, memory.around))
         self._ended('edges')
@@ -159,17 +172,22 @@ class Detector:
                       parameters.min_distance, parameters.max_gap, parameters.tolerance,
                       *curvature_limits(SIGNIFICANCE, self._max_curvature(), lens))
 
-    def _compute_frame(self, gray: np.ndarray, region: Region, grain: float) -> Frame:
-        """Compute the gradients, and the thresholds for them (Step 1)."""
+    def _compute_frame(self, gray: np.ndarray, where: Region, grain: float) -> Frame:
+        """
+        Compute the gradients, and the thresholds for them (Step 1).
+
+        Noise and thresholds are those of all the region, also outside of its image circle, so that
+        the circle changes no arc inside.
+        """
         memory, parameters = self._memory, self.parameters
         blur_sigma = noise.blur(parameters.blur_sigma, grain)
         gradients.compute(gray, blur_sigma, memory.dx, memory.dy)
         # After the gradients: single lines of the image are read faster from the cache.
-        strength = thresholds.estimate(gray, region)
+        strength = thresholds.estimate(gray, where)
         gradient_noise = noise.of_gradient(grain, blur_sigma)
         scale = thresholds.scale(strength, gradient_noise, parameters.contrast_high)
-        return Frame(memory.dx, memory.dy, region, gradient_noise, blur_sigma,
-                     scale * parameters.contrast_low, scale * parameters.contrast_high)
+        return Frame(memory.dx, memory.dy, self._in_circle(gray, where), gradient_noise,
+                     blur_sigma, scale * parameters.contrast_low, scale * parameters.contrast_high)
 
     def _trace(self, frame: Frame, min_points: int) -> np.ndarray:
         """Write the chains of edge points to memory; return the offsets of chains, (N + 1,)."""
@@ -193,6 +211,13 @@ class Detector:
         picture of a straight edge cannot be bent more, whatever lies in the image.
         """
         return 1 / (self.parameters.min_radius * math.hypot(*self._memory.shape) / 2)
+
+
+def example() -> np.ndarray:
+    """Return an image with an image circle and edges, (64, 64) uint8, to warm up with."""
+    gray = cv2.circle(np.zeros((64, 64), np.uint8), (32, 32), 27, 100, cv2.FILLED)
+    gray[18:46, 18:46] = 255
+    return gray
 
 
 def _read_only(gray: np.ndarray) -> np.ndarray:
@@ -238,6 +263,9 @@ class _Memory:
         self.around = np.empty(self.shape, np.uint8)
         self._mask: np.ndarray | None = None
         self._region = region(self.shape, None)
+        self._disc_pixels = np.empty((2, height, width), np.bool_)
+        self._disc: tuple[Region, Disc] | None = None
+        self._disc_region = self._region
         self.pixels = np.empty(0, np.int32)
         self.reserve(1)
 
@@ -246,6 +274,13 @@ class _Memory:
         if mask is not self._mask:
             self._mask, self._region = mask, region(self.shape, mask)
         return self._region
+
+    def within(self, where: Region, disc: Disc) -> Region:
+        """Return the part of a region in a disc; it is computed again only for other ones."""
+        if self._disc is None or self._disc[0] is not where or self._disc[1] != disc:
+            self._disc = where, disc
+            self._disc_region = within(where, disc, self._disc_pixels)
+        return self._disc_region
 
     def reserve(self, edge_pixels: int) -> None:
         """Make room for ``edge_pixels``; arrays that are too small grow to 1.5 times that."""

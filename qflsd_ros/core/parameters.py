@@ -136,6 +136,11 @@ class Parameters:
     max_gap: float = parameter(
         60.0, 'Longest gap over which two pieces are joined to one arc; 0 disables joining.',
         'px', 0.0, 1000.0)
+    image_circle: str = parameter(
+        'auto', 'Image circle of a fisheye: auto (found in each image that has a round rim about '
+        'its centre and a uniform outside; no arc is detected at the rim and outside of it) or '
+        'off. Method paper ignores it.',
+        choices=('auto', 'off'))
     detect_every: int = parameter(
         1, 'Tracking only: one of so many images is searched for arcs; in those between, lines '
         'that are followed already are measured alone, which takes a fraction of the time. Lines '

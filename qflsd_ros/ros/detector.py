@@ -20,7 +20,7 @@ from qflsd_ros.core.line_features.feed import Feed
 from qflsd_ros.ros.attitude import CameraAttitude
 from qflsd_ros.ros.calibration import calibrated, CalibrationWatch
 from qflsd_ros.ros.diagnostics import Statistics
-from qflsd_ros.ros.finding import FrameSequence, Seen
+from qflsd_ros.ros.finding import described, FrameSequence, Seen
 from qflsd_ros.ros.input.region import read_mask
 from qflsd_ros.ros.input.slot import Slot
 from qflsd_ros.ros.input.subscriptions import CalibrationSubscription, Frame, ImageSubscription
@@ -67,7 +67,7 @@ class DetectorNode(Node):
         self._statistics = Statistics()
         self._last_log: dict[str, float] = {}
         self._slot: Slot[Frame] = Slot()
-        self._sequence = FrameSequence()
+        self._sequence, self._circle_is_logged = FrameSequence(), False
         self._tracks = TrackStatistics()
         self._attitude, self._watch = CameraAttitude(), CalibrationWatch()
         self._feed = Feed()
@@ -145,6 +145,7 @@ class DetectorNode(Node):
         # Lens and tracks follow every frame, also for subscribers that need neither, because
         # detection uses both.
         seen = self._sequence.find(gray, parameters, settings)
+        self._log_circle()
         attitude = self._follow_attitude(seen, gray.shape, settings)
         focal = self._attitude.focal
         result = Result(header, gray, seen.arcs, settings, seen.model, seen.tails,
@@ -154,6 +155,14 @@ class DetectorNode(Node):
             self._reject(reason, text)
         self._statistics.done(time.monotonic() - frame.arrival, self._age(header), len(seen.arcs))
         self._tracks.follow(seen.arcs)
+
+    def _log_circle(self) -> None:
+        """Log the first image circle."""
+        if self._sequence.circle is not None and not self._circle_is_logged:
+            self._circle_is_logged = True
+            self.get_logger().info(
+                f'image circle found: {described(self._sequence.circle)} px; no arcs are '
+                'detected at its rim and outside of it (parameter image_circle)')
 
     def _follow_attitude(self, seen: Seen, shape: tuple[int, int], settings: Settings
                          ) -> Attitude | None:
@@ -189,7 +198,7 @@ class DetectorNode(Node):
         if compiling := self._kernels.compiling:
             status.level, status.message = DiagnosticStatus.WARN, compiling
         values = self._tracks.take() | self._sequence.lens.values(settings) \
-            | self._attitude.values(settings)
+            | self._attitude.values(settings) | self._sequence.circle_values()
         status.values += [KeyValue(key=key, value=value) for key, value in values.items()]
         message = DiagnosticArray(status=[status, *self._calibration_status(settings)])
         message.header.stamp = self.get_clock().now().to_msg()

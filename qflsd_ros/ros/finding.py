@@ -5,6 +5,7 @@ from typing import Callable, NamedTuple
 
 import numpy as np
 from qflsd_ros.core import Arcs, Detector, Parameters, Tracker
+from qflsd_ros.core.detection.image_circle import ImageCircle
 from qflsd_ros.core.lens.division import DivisionModel
 from qflsd_ros.overlay import Tails, Trails
 from qflsd_ros.ros.input.region import reduced, view
@@ -83,23 +84,39 @@ class FrameSequence:
     ----------
     lens
         State of the camera's lens.
+    circle
+        The image circle of the last frame, px of the frame; None where none was found.
 
     """
 
     def __init__(self) -> None:
         """Begin without tracks and without a lens."""
         self.lens = CameraLens()
+        self.circle: ImageCircle | None = None
         self._detector, self._tracker, self._trails = Detector(), Tracker(), Trails()
 
     def find(self, gray: np.ndarray, parameters: Parameters, settings: Settings) -> Seen:
         """Find the lines of the next frame, (H, W) uint8; errors are those of :func:`find`."""
-        arcs, model = find(gray, self._search(parameters, settings), settings, self.lens)
+        self.circle = None
+        finder = self._finder(parameters, settings)
+        search = finder.track if isinstance(finder, Tracker) else finder.detect
+        arcs, model = find(gray, search, settings, self.lens)
+        factor = view(settings, *gray.shape).factor
+        self.circle = finder.circle and finder.circle.scaled(factor)
         return Seen(arcs, model, self._trails.follow(arcs, settings.trails))
 
-    def _search(self, parameters: Parameters, settings: Settings) -> Search:
-        """Return the tracker's method or the detector's, with the parameters of this frame."""
-        if tracks_lines(parameters, settings):
-            self._tracker.parameters = parameters
-            return self._tracker.track
-        self._detector.parameters = parameters
-        return self._detector.detect
+    def _finder(self, parameters: Parameters, settings: Settings) -> Detector | Tracker:
+        """Return the tracker or the detector, with the parameters of this frame."""
+        finder = self._tracker if tracks_lines(parameters, settings) else self._detector
+        finder.parameters = parameters
+        return finder
+
+    def circle_values(self) -> dict[str, str]:
+        """Return the image circle of the last frame as keys and values of diagnostics."""
+        circle = self.circle    # read once: the detection thread may replace it meanwhile
+        return {} if circle is None else {'image circle (px)': described(circle)}
+
+
+def described(circle: ImageCircle) -> str:
+    """Return centre and radius of an image circle as a text."""
+    return f'centre {circle.x:.1f}, {circle.y:.1f}, radius {circle.radius:.1f}'

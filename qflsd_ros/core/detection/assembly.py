@@ -17,7 +17,7 @@ from qflsd_ros.core.detection.frame import Frame, Limits
 from qflsd_ros.core.detection.joining.agreement import MAX_TURN
 from qflsd_ros.core.detection.joining.joining import Joined
 from qflsd_ros.core.detection.joining.pieces import Pieces
-from qflsd_ros.core.detection.region import is_open, Region, SAMPLED
+from qflsd_ros.core.detection.region import COMPARED, Disc, is_open, Region, SAMPLED
 from qflsd_ros.core.detection.suppression import suppress
 
 
@@ -71,6 +71,21 @@ def _avoids_mask(rows: np.ndarray, arc: int, allowed: np.ndarray) -> bool:
 
 
 @inlined
+def _is_within(rows: np.ndarray, arc: int, disc: Disc) -> bool:
+    """Return whether all pixels that are compared with a mask for an arc surely lie in a disc."""
+    turn = abs(rows[arc, CURVATURE]) * rows[arc, LENGTH]
+    if turn > math.pi:
+        return False
+    # No point of half a circle or less is farther from the chord than the middle.
+    sagitta = rows[arc, LENGTH] * turn / 8
+    for place in (START, END):
+        x, y = rows[arc, place] - disc.x, rows[arc, place + 1] - disc.y
+        if math.hypot(x, y) + sagitta + COMPARED > disc.radius:
+            return False
+    return True
+
+
+@inlined
 def is_inside(rows: np.ndarray, arc: int, region: Region) -> bool:
     """Return whether an arc lies in the image, within half a pixel, and on no masked pixel."""
     height, width = region.allowed.shape
@@ -78,7 +93,8 @@ def is_inside(rows: np.ndarray, arc: int, region: Region) -> bool:
         x, y = rows[arc, place], rows[arc, place + 1]
         if not (-0.5 <= x <= width - 0.5 and -0.5 <= y <= height - 0.5):
             return False
-    return not region.masked or _avoids_mask(rows, arc, region.allowed)
+    return (not region.masked or _is_within(rows, arc, region.clear)
+            or _avoids_mask(rows, arc, region.allowed))
 
 
 @inlined

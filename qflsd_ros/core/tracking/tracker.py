@@ -10,7 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from qflsd_ros.core.arcs import Arcs, COLUMNS
-from qflsd_ros.core.detector import Detector
+from qflsd_ros.core.detection.image_circle import ImageCircle
+from qflsd_ros.core.detector import Detector, example
 from qflsd_ros.core.lens.division import DivisionModel
 from qflsd_ros.core.parameters import Parameters
 from qflsd_ros.core.tracking import (
@@ -52,13 +53,16 @@ class Tracker:
     def parameters(self, parameters: Parameters) -> None:
         self._detector.parameters = parameters
 
+    @property
+    def circle(self) -> ImageCircle | None:
+        """The image circle of the last frame; None where none was found or looked for."""
+        return self._detector.circle
+
     def warm_up(self) -> None:
         """Compile all kernels, the detector's too, or load compiled ones from disk."""
-        gray = np.zeros((64, 64), np.uint8)
-        gray[16:48, 16:48] = 255
         tracker = Tracker()
         for _ in range(2):
-            tracker.track(gray).vertices()
+            tracker.track(example()).vertices()
 
     def track(self, gray: np.ndarray, mask: np.ndarray | None = None,
               lens: DivisionModel | None = None) -> Arcs:
