@@ -12,7 +12,7 @@ import time
 from qflsd_ros.core import compilation, Tracker
 from qflsd_ros.core.attitude import tracker as attitude_tracker
 from qflsd_ros.core.geometry import triangulation
-from qflsd_ros.core.kernel_cache import NotKeptError
+from qflsd_ros.core.kernels.store import NotKeptError
 from qflsd_ros.core.lens import estimation
 from qflsd_ros.sources.scene.scene import Scene, SceneFrames
 

@@ -1,13 +1,13 @@
 """
-Compiled kernels on disk: a file for each kernel and signature, for numba to load.
+Compiled kernels on disk: a file for each kernel and signature.
 
 numba's own cache has an index for each function, which processes that start together overwrite
 with each other's, and it ends the program where a file of it is damaged or cannot be written.
 Here a file is written whole or not at all, and holds a digest of what it holds: a damaged one is
 removed, and its kernel compiled anew.
 
-The files are pickles, since numba knows no other form: whoever writes one can run code here. So
-they are kept in a private folder alone.
+The files are machine code: whoever writes one can run code here. So they are kept in a private
+folder alone.
 """
 from __future__ import annotations
 
@@ -17,20 +17,14 @@ import hashlib
 import logging
 import os
 from pathlib import Path
-import pickle
 import re
 import shutil
 import tempfile
-from typing import Any
 
-from numba.core.caching import _Cache
-from numba.core.compiler import CompileResult
-from numba.core.serialize import dumps
 from qflsd_ros.core import private_folder
 
 DIGEST = hashlib.sha256
 DIGEST_SIZE = DIGEST().digest_size
-SUFFIX = '.kernel'
 NAME_SIZE = 16  # hexadecimal digits in the name of a folder: 64 bits, so that no two are the same
 FOLDER_NAME = re.compile(f'[0-9a-f]{{{NAME_SIZE}}}')
 
@@ -152,45 +146,3 @@ class Store:
         if kind not in self._warned:
             self._warned.add(kind)
             logging.getLogger(__name__).warning(text, *values)
-
-
-class KernelCache(_Cache):
-    """What numba asks for the compiled code of one kernel."""
-
-    def __init__(self, function: Callable[..., Any], store: Store) -> None:
-        """Take the kernel in Python, and where compiled ones are."""
-        self._function, self._store = function, store
-        self.module = function.__module__
-        self.is_compiled = False  # by this process, since the store did not have it
-
-    @property
-    def cache_path(self) -> str:
-        """Return the folder, for numba's statistics."""
-        return str(self._store.folder)
-
-    def load_overload(self, sig: Any, target_context: Any) -> CompileResult | None:
-        """Return what was kept for a signature and this processor, or None."""
-        target_context.refresh()
-        content = self._store.read(self._name(sig, target_context.codegen()))
-        if content is None:
-            if self._store.is_final:
-                raise NotKeptError(f'{self.module}.{self._function.__name__}')
-            return None
-        return CompileResult._rebuild(target_context, *pickle.loads(content))
-
-    def save_overload(self, sig: Any, data: CompileResult) -> None:
-        """Keep what was compiled for a signature."""
-        self.is_compiled = True
-        if not data.library.has_dynamic_globals:  # pointers, which the next process has elsewhere
-            self._store.write(self._name(sig, data.codegen), dumps(data._reduce()))
-
-    def enable(self) -> None:
-        """Do nothing: numba asks for it and never for the opposite."""
-
-    disable = flush = enable
-
-    def _name(self, sig: Any, codegen: Any) -> str:
-        code = self._function.__code__
-        key = repr((self.module, code.co_firstlineno, code.co_code.hex(),
-                    sig, codegen.magic_tuple()))
-        return f'{self._function.__name__}-{DIGEST(key.encode()).hexdigest()[:32]}{SUFFIX}'
