@@ -122,13 +122,13 @@ class CameraNode(Node):
     def __init__(self) -> None:
         super().__init__('camera')
         declaration.attach(self, (CameraSettings,), self._apply)
-        declaration.warn_of_unknown(self)
         self._due = 0.0  # time of the next frame, s on the monotonic clock
         self._source = open_camera(self._settings, self.get_logger().warning)
         self._publisher = self._advertise(Image, 'image', queue_depth(self._source.frame_size))
         self._calibration = None if self._source.camera is None else self._advertise(
             CameraInfo, calibration_topic(self.resolve_topic_name('image')))
         self._pose = self._advertise(PoseStamped, 'pose') if self._source.posed else None
+        declaration.warn_of_unknown(self)   # now that publishers have declared their QoS
         if self._source.note:
             self.get_logger().info(f'{self._source.note}: parameter topic chooses another one')
         self._kernels = Kernels(self, 'qflsd_ros.sources', self._source.warm_up)

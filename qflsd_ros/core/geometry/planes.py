@@ -80,12 +80,14 @@ def _shapes(table: np.ndarray) -> np.ndarray:
     that of the fitted points, which ends before corners.  With the variance u of their mean, the
     curvature that they tell has 720 u / length^4, the middle has 9 u / 4 where the curvature was
     fitted, and u where it was not: then a lens says how it is bent, or, without a lens, it is 0
-    since what was told did not differ from that, and is as uncertain.
+    since what was told did not differ from that, and is as uncertain.  Without a variance of their
+    mean, the points are taken to be spread over the whole arc.
     """
     bent, std = table['bent'] == 1, table['curvature_std']
     shift = np.where(bent, 2 / 3, 1) * table['offset_std']
     length = table['length'].copy()
-    np.sqrt(np.divide(np.sqrt(720) * shift, std, where=std > 0, out=length ** 2), out=length)
+    np.sqrt(np.divide(np.sqrt(720) * shift, std, where=(std > 0) & (shift > 0), out=length ** 2),
+            out=length)
     along = table['length'][:, None] * np.linspace(-0.5, 0.5, SAMPLES)
     turn = (shift * np.sqrt(12) / length)[:, None] * along
     by_lens = ~bent & (table['curvature'] != 0)

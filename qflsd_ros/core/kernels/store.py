@@ -20,12 +20,16 @@ from pathlib import Path
 import re
 import shutil
 import tempfile
+import time
 
 from qflsd_ros.core import private_folder
 
 DIGEST = hashlib.sha256
 DIGEST_SIZE = DIGEST().digest_size
 NAME_SIZE = 16  # hexadecimal digits in the name of a folder: 64 bits, so that no two are the same
+# s without use after which the kernels of another version are removed: 30 days, in which whoever
+# works on several checkouts uses each of them.  Chosen, not tuned.
+UNUSED = 30 * 86400.0
 FOLDER_NAME = re.compile(f'[0-9a-f]{{{NAME_SIZE}}}')
 
 
@@ -65,6 +69,8 @@ class Store:
                 folder = self._locate()
                 private_folder.make(folder)
                 self._folder = folder
+                with suppress(OSError):     # that of another user, or of an image
+                    os.utime(folder)
             except OSError as error:
                 self._warn_unkept(error.filename, error)
         return self._folder
@@ -104,18 +110,21 @@ class Store:
         except OSError as error:
             self._warn_unkept(self.folder, error)
 
-    def remove_others(self) -> list[Path]:
+    def remove_unused(self) -> list[Path]:
         """
-        Remove the folders of other versions beside this one; return those that are gone.
+        Remove the folders of other versions that are not in use; return those that are gone.
 
-        A folder of another user stays, and so does whatever has another name than ours have.
+        Others may be in use: several checkouts of one user keep their kernels side by side.  A
+        process that uses a folder sets its time of modification.  A folder of another user stays,
+        and so does whatever has another name than ours have.
         """
         if self.folder is None:
             return []
         others = [path for path in sorted(self.folder.parent.iterdir())
                   if path != self.folder and FOLDER_NAME.fullmatch(path.name)
                   and path.is_dir() and not path.is_symlink()
-                  and path.stat().st_uid == os.geteuid()]
+                  and path.stat().st_uid == os.geteuid()
+                  and time.time() - path.stat().st_mtime > UNUSED]
         for path in others:
             shutil.rmtree(path, ignore_errors=True)
         return [path for path in others if not path.exists()]
