@@ -34,7 +34,8 @@ def main() -> int:
     """Compile or check as the command line says; return the exit code."""
     parser = argparse.ArgumentParser(prog='warm_up', description=(
         'Compile all kernels of qflsd_ros, so that no start of a node has to. Those of other '
-        'versions that nothing has used for 30 days are removed. They are kept in ~/.cache/qflsd_ros, or below NUMBA_CACHE_DIR.'))
+        'versions that nothing has used for 30 days are removed. They are kept in '
+        '~/.cache/qflsd_ros, or below NUMBA_CACHE_DIR.'))
     parser.add_argument('--check', action='store_true', help='compile nothing; the exit code is '
                         '0 if all kernels are there for this processor, and otherwise 1')
     return _check() if parser.parse_args().check else _compile()

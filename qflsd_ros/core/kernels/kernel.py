@@ -122,7 +122,7 @@ class Kernel:
 
 def type_of(value: Any) -> Hashable:
     """Return what the code depends on: of an array its type, dimensions, order and access."""
-    kind: Hashable = type(value)
+    kind: Any = type(value)
     if kind is np.ndarray:
         flags = value.flags.num
         order = flags & C_ORDER or flags & FORTRAN_ORDER

@@ -21,8 +21,8 @@ from qflsd_ros.sources.scene.truth import visible_arcs
 
 FRAMES_PER_TURN = 1200      # frames of the closed path: 40 s at 30 Hz, a walk around the room
 ACCURATE = 0.1              # px, accuracy of edge points
-# Noise of pixels that is kept, 34 MB; in images of more than 2560x1600 px in grey it repeats itself
-# in an image.  Chosen, not tuned.
+# Values of noise that are kept, 34 MB.  Images of more values, such as 4K in grey, repeat them.
+# Chosen, not tuned.
 MOST_NOISE = 2 ** 23
 # Weights of blue, green, red in grey levels (ITU-R BT.601), as OpenCV converts colours.
 LUMA = np.array([[0.114], [0.587], [0.299]])
