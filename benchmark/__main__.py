@@ -14,7 +14,7 @@ from benchmark.experiment import Effort, Experiment, QUICK
 from benchmark.experiments import (
     ablation, accuracy, attitude, cameras, degraded, exactness, false_alarms, growth, lens,
     line_features, mapping, memory, node, overhead, paper_grid, paper_tables, plates,
-    repeatability, robustness, sameness, sensitivity, speed, stages, tracks)
+    repeatability, robustness, sameness, sensitivity, speed, stages, start, tracks)
 from benchmark.scenes.rendered import write
 from tqdm import tqdm
 
@@ -29,8 +29,8 @@ EXPERIMENTS: dict[str, Callable[[Experiment], str]] = {
     'line_features': line_features.measure,
     'sameness': sameness.measure, 'speed': speed.measure, 'growth': growth.measure,
     'stages': stages.measure, 'node': node.measure,
-    'overhead': overhead.measure, 'memory': memory.measure, 'cameras': cameras.measure,
-    'mapping': mapping.measure}
+    'overhead': overhead.measure, 'memory': memory.measure, 'start': start.measure,
+    'cameras': cameras.measure, 'mapping': mapping.measure}
 # Only by name: they take minutes, and change only when a constant of the core, or the published
 # method, does.
 BY_NAME = {'sensitivity': sensitivity.measure, 'paper_grid': paper_grid.measure}

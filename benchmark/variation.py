@@ -17,8 +17,7 @@ from types import ModuleType
 from typing import Any
 
 from benchmark.constants import bound, Constant, constants, modules
-from numba.core.caching import NullCache
-from numba.core.dispatcher import Dispatcher
+from qflsd_ros.core.kernels.kernel import Kernel
 
 # Modules and packages that find the arcs of a frame without a lens.
 DETECTOR = ('qflsd_ros.core.detector', 'qflsd_ros.core.circle', 'qflsd_ros.core.detection.')
@@ -133,7 +132,7 @@ def _compile_anew(core: Sequence[ModuleType], changed: set[Name]) -> None:
     """Take the cache from all kernels that depend on changed names."""
     kernels: dict[Name, Any] = {
         (module.__name__, name): value for module in core
-        for name, value in vars(module).items() if isinstance(value, Dispatcher)}
+        for name, value in vars(module).items() if isinstance(value, Kernel)}
     uses = {place: set(_uses(ast.parse(inspect.getsource(kernel.py_func)),
                              importlib.import_module(kernel.py_func.__module__)))
             for place, kernel in kernels.items()}
@@ -142,6 +141,6 @@ def _compile_anew(core: Sequence[ModuleType], changed: set[Name]) -> None:
                    if uses[place] & (changed | affected)}:
         affected |= more
     for place in affected:
-        if kernels[place].overloads:
+        if kernels[place].versions:
             raise RuntimeError(f'{".".join(place)} is compiled with the old value of a constant')
-        kernels[place]._cache = NullCache()
+        kernels[place].is_kept = False

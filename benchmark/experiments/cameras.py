@@ -109,17 +109,17 @@ def figures(commands: dict[str, Sequence[str]], images: list[Image], seconds: fl
         node.play(SETTLING)
         node.wait(LAST)
         node.ages.clear()
-        processes = _children()
-        cpu, begin = _cpu(processes), time.monotonic()
+        processes = children()
+        cpu, begin = cpu_time(processes), time.monotonic()
         sent = node.play(seconds)
-        cpu = (_cpu(processes) - cpu) / (time.monotonic() - begin)
+        cpu = (cpu_time(processes) - cpu) / (time.monotonic() - begin)
         node.wait(LAST)
-        resident, proportional = (sum(_memory(pid, key) for pid in processes)
+        resident, proportional = (sum(memory_of(pid, key) for pid in processes)
                                   for key in ('Rss', 'Pss'))
         return Figures(resident, proportional, cpu, np.array(node.ages), sent)
 
 
-def _children() -> list[int]:
+def children() -> list[int]:
     """Return the processes of the layout: children of this one that run the nodes."""
     return [pid for pid in map(int, filter(str.isdigit, os.listdir('/proc')))
             if _parent(pid) == os.getpid()]
@@ -132,13 +132,13 @@ def _parent(pid: int) -> int:
         return 0    # it has ended
 
 
-def _memory(pid: int, key: str) -> float:
+def memory_of(pid: int, key: str) -> float:
     text = Path(f'/proc/{pid}/smaps_rollup').read_text()
     [found] = re.findall(rf'^{key}: +(\d+)', text, re.MULTILINE)
     return int(found) * KILOBYTE
 
 
-def _cpu(processes: list[int]) -> float:
+def cpu_time(processes: list[int]) -> float:
     """Return the CPU time of processes in s."""
     ticks = (sum(map(int, Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()[11:13]))
              for pid in processes)

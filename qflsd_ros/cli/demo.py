@@ -29,7 +29,8 @@ import rclpy
 from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 
-PATIENCE = 120.0  # s until the first result, several times what the very first start compiles for
+# s until the first result must have come, or one more kernel be compiled; a kernel takes seconds
+PATIENCE = 120.0
 SPIN = 0.1  # s between two checks for a signal, which is at once for whoever presses Ctrl-C
 STILLS_RATE = 10.0  # Hz, of still images; slow enough that a picture of each one is written
 FAILED, USAGE, INTERRUPTED = 1, 2, 130  # exit codes, as of a shell's commands
@@ -126,15 +127,23 @@ def prepare_environment() -> None:
 
 def await_result(executor: Executor, observer: Observer, processes: Processes,
                  check: Callable[[], None]) -> None:
-    """Spin until an image and its result have come; raise DemoError where they do not."""
-    deadline = time.monotonic() + PATIENCE
+    """
+    Spin until an image and its result have come; raise DemoError where they do not.
+
+    The very first start compiles, for as long as the machine takes: time counts from the last
+    progress.
+    """
+    deadline, progress = time.monotonic() + PATIENCE, ''
     while observer.counts is None:
+        if observer.compiling != progress:
+            deadline, progress = time.monotonic() + PATIENCE, observer.compiling
         executor.spin_once(SPIN)
         check()
         if not processes.running():
             raise DemoError('the camera ended before the first result')
         if time.monotonic() > deadline:
-            raise DemoError(f'no image with its result came within {PATIENCE:.0f} s')
+            raise DemoError(f'no image with its result came within {PATIENCE:.0f} s'
+                            + (f' of the last report: {progress}' if progress else ''))
 
 
 def watch(executor: Executor, observer: Observer, processes: Processes, seconds: float,

@@ -7,7 +7,9 @@ from typing import Callable, Iterable
 import zlib
 
 from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray
 import numpy as np
+from qflsd_ros.ros.kernels import COMPILING
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data, QoSProfile
 from sensor_msgs.msg import Image, PointCloud2
@@ -53,6 +55,8 @@ class Observer(Node):
     ----------
     counts
         Counts since the last :meth:`take`; None before an image and a result have come.
+    compiling
+        The newest report of the detector on compiling its kernels; empty before the first one.
 
     """
 
@@ -65,6 +69,7 @@ class Observer(Node):
         """
         super().__init__('demo')
         self.counts: Counts | None = None
+        self.compiling = ''
         self._shows = shows
         self._newest: Time | None = None
         self._images: dict[tuple[int, int], int] = {}       # CRC by stamp
@@ -73,6 +78,7 @@ class Observer(Node):
         self.create_subscription(PointCloud2, 'detector/segments', self._count_result, reliable)
         self.create_subscription(PointCloud2, 'detector/arcs', self._count_arcs, reliable)
         self.create_subscription(Image, 'detector/overlay', self._take_overlay, reliable)
+        self.create_subscription(DiagnosticArray, '/diagnostics', self._note_progress, reliable)
 
     def take(self) -> Counts:
         """Return the counts since the last call, or since the first result."""
@@ -83,6 +89,11 @@ class Observer(Node):
         """Return the age of the newest result, by its stamp, as text."""
         age = None if self._newest is None else _since(self._newest)
         return 'age (recorded)' if age is None else f'age {age * 1e3:5.1f} ms'
+
+    def _note_progress(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            if status.message.startswith(COMPILING):
+                self.compiling = status.message
 
     def _count_frame(self, message: Image) -> None:
         self._images[_key(message.header.stamp)] = zlib.crc32(message.data)

@@ -12,7 +12,7 @@ import time
 from qflsd_ros.core import compilation, Tracker
 from qflsd_ros.core.attitude import tracker as attitude_tracker
 from qflsd_ros.core.geometry import triangulation
-from qflsd_ros.core.kernel_cache import NotKeptError
+from qflsd_ros.core.kernels.store import NotKeptError
 from qflsd_ros.core.lens import estimation
 from qflsd_ros.sources.scene.scene import Scene, SceneFrames
 
@@ -34,7 +34,8 @@ def main() -> int:
     """Compile or check as the command line says; return the exit code."""
     parser = argparse.ArgumentParser(prog='warm_up', description=(
         'Compile all kernels of qflsd_ros, so that no start of a node has to. Those of other '
-        'versions are removed. They are kept in ~/.cache/qflsd_ros, or below NUMBA_CACHE_DIR.'))
+        'versions that nothing has used for 30 days are removed. They are kept in '
+        '~/.cache/qflsd_ros, or below NUMBA_CACHE_DIR.'))
     parser.add_argument('--check', action='store_true', help='compile nothing; the exit code is '
                         '0 if all kernels are there for this processor, and otherwise 1')
     return _check() if parser.parse_args().check else _compile()
@@ -65,8 +66,8 @@ def _compile() -> int:
         return FAILED
     count = compilation.progress('qflsd_ros').compiled
     print(f'compiled {count} kernels in {time.monotonic() - begin:.0f} s; the others were there')
-    for path in compilation.STORE.remove_others():
-        print(f'removed {path}, of another version')
+    for path in compilation.STORE.remove_unused():
+        print(f'removed {path}, of another version that was not used any more')
     return 0
 
 

@@ -1,5 +1,5 @@
 """
-Compilation of the kernels by numba, without the GIL; compiled kernels are kept on disk.
+Kernels, compiled by numba without the GIL, and kept on disk, from where numba is not needed.
 
 Kernels allocate no memory: arrays are passed in.  Numba's reference counting of arrays (``_nrt``)
 is therefore off; it takes a fifth of the time where kernels call each other.
@@ -13,16 +13,17 @@ from __future__ import annotations
 from collections.abc import Callable
 import errno
 import hashlib
+from importlib.metadata import version
 import os
 from pathlib import Path
 import sys
 from typing import Any, NamedTuple, TypeVar
 
-import numba
-from qflsd_ros.core.kernel_cache import KernelCache, NAME_SIZE, Store
-
+from qflsd_ros.core.kernels.kernel import Kernel
+from qflsd_ros.core.kernels.store import NAME_SIZE, Store
 
 Function = TypeVar('Function', bound=Callable[..., Any])
+NUMBA = version('numba')    # without importing it
 
 
 class Progress(NamedTuple):
@@ -43,7 +44,7 @@ def _cache_home() -> Path:
 
 def _folder() -> Path:
     """Return where compiled code is kept; OSError where there is no place for it."""
-    digest = hashlib.sha256(f'{numba.__version__} {sys.implementation.cache_tag}'.encode())
+    digest = hashlib.sha256(f'{NUMBA} {sys.implementation.cache_tag}'.encode())
     for source in sorted(Path(__file__).parents[1].rglob('*.py')):
         content = source.read_bytes()
         if source.is_relative_to(Path(__file__).parent) or b'core.compilation import' in content:
@@ -52,22 +53,21 @@ def _folder() -> Path:
 
 
 STORE = Store(_folder)
-_caches: list[KernelCache] = []
+_kernels: list[Kernel] = []
 
 
 def progress(package: str) -> Progress:
     """Return how many kernels of a package this process has had to compile."""
-    caches = [cache for cache in _caches if cache.module.startswith(f'{package}.')]
-    return Progress(sum(cache.is_compiled for cache in caches), len(caches))
+    kernels = [kernel for kernel in _kernels if kernel.module.startswith(f'{package}.')]
+    return Progress(sum(kernel.compiled > 0 for kernel in kernels), len(kernels))
 
 
-def _kernel(**options: Any) -> Callable[[Function], Function]:
-    """Return a decorator like ``numba.njit`` that keeps what it compiles in our folder."""
-    def decorate(function: Function) -> Function:
-        dispatcher = numba.njit(nogil=True, error_model='numpy', _nrt=False, **options)(function)
-        dispatcher._cache = KernelCache(function, STORE)
-        _caches.append(dispatcher._cache)
-        return dispatcher
+def _kernel(**options: Any) -> Callable[[Function], Any]:
+    """Return a decorator that makes a kernel of a function."""
+    def decorate(function: Function) -> Kernel:
+        kernel = Kernel(function, options, STORE)
+        _kernels.append(kernel)
+        return kernel
     return decorate
 
 

@@ -17,6 +17,7 @@ from qflsd_ros.ros.parameters.node_parameters import Settings, UP_HINTS
 from qflsd_ros.sources.frames import FrameError
 from qflsd_ros.sources.reasons import Reason
 
+LOADING = 'its kernels are still being loaded or compiled'
 OFF = 'parameter attitude is false: must be true for ~/attitude and ~/gravity'
 
 

@@ -3,12 +3,13 @@ The ``camera`` node: images from the synthetic scene, files, a video, a webcam o
 
 It publishes reliably, as REP 2003 recommends for drivers, because such a publisher matches
 subscriptions of either reliability.  A slow subscriber never delays it, because the queue keeps
-only the last few images.
+only the last few images, of the largest only one.
 """
 from __future__ import annotations
 
 from array import array
 from collections.abc import Iterator
+import ctypes
 from dataclasses import dataclass
 import itertools
 import time
@@ -41,6 +42,11 @@ MAX_LAG = 0.25      # s
 # rclpy misses a signal that comes between its look at the context and the wait: each wait has an
 # end, so that the next look sees that the context is shut down.
 LONGEST_WAIT = 1.0  # s, short enough for whoever presses Ctrl-C, and too long to use CPU time
+DEPTH = 5           # messages that a publisher keeps for slow subscribers; chosen, not tuned
+# Bytes of images that the publisher keeps, if it knows their size: five of 1920x1080 px in colour.
+MOST_QUEUED = 2 ** 25
+MMAP_THRESHOLD = -3     # M_MMAP_THRESHOLD of mallopt(3)
+LARGE = 2 ** 20     # bytes, from which an array is returned; chosen, not tuned
 LOG_PERIOD = 5.0    # s between two warnings of a longer delay, few enough to read
 
 
@@ -116,13 +122,13 @@ class CameraNode(Node):
     def __init__(self) -> None:
         super().__init__('camera')
         declaration.attach(self, (CameraSettings,), self._apply)
-        declaration.warn_of_unknown(self)
-        self._publisher = self._advertise(Image, 'image')
         self._due = 0.0  # time of the next frame, s on the monotonic clock
         self._source = open_camera(self._settings, self.get_logger().warning)
+        self._publisher = self._advertise(Image, 'image', queue_depth(self._source.frame_size))
         self._calibration = None if self._source.camera is None else self._advertise(
             CameraInfo, calibration_topic(self.resolve_topic_name('image')))
         self._pose = self._advertise(PoseStamped, 'pose') if self._source.posed else None
+        declaration.warn_of_unknown(self)   # now that publishers have declared their QoS
         if self._source.note:
             self.get_logger().info(f'{self._source.note}: parameter topic chooses another one')
         self._kernels = Kernels(self, 'qflsd_ros.sources', self._source.warm_up)
@@ -139,11 +145,12 @@ class CameraNode(Node):
                 executor.spin_once(min(wait, LONGEST_WAIT))
             self._await_listener(executor)
             self._publish(frame)
+            del frame   # not to be kept while the next one is read
         self._publisher.wait_for_all_acked(Duration(seconds=1))
 
-    def _advertise(self, message_type: type, topic: str) -> Publisher:
+    def _advertise(self, message_type: type, topic: str, depth: int = DEPTH) -> Publisher:
         return self.create_publisher(
-            message_type, topic, QoSProfile(depth=5, reliability=ReliabilityPolicy.RELIABLE),
+            message_type, topic, QoSProfile(depth=depth, reliability=ReliabilityPolicy.RELIABLE),
             # The callback has nothing to do: the event wakes the executor, which then looks.
             event_callbacks=PublisherEventCallbacks(matched=lambda _: None),
             qos_overriding_options=QoSOverridingOptions.with_default_policies())
@@ -160,15 +167,16 @@ class CameraNode(Node):
 
     def _frames(self) -> Iterator[Frame]:
         """Yield every frame before its time, and set that time."""
-        last: Frame | None = None
+        last: int | None = None
+        is_first = True
         for _ in itertools.count() if self._settings.loop else range(1):
             for frame in self._source:
                 now = time.monotonic()
-                if last is None or self._source.live:
+                if is_first or self._source.live:
                     self._due = now
                 else:
-                    self._due += self._gap(last, frame)
-                last = frame
+                    self._due += self._gap(last, frame.recorded)
+                last, is_first = frame.recorded, False
                 if now - self._due > MAX_LAG:
                     self.get_logger().warning(
                         f'cannot keep its rate: {self._source.name} is '
@@ -176,12 +184,13 @@ class CameraNode(Node):
                         throttle_duration_sec=LOG_PERIOD)
                     self._due = now
                 yield frame
+                del frame
 
-    def _gap(self, last: Frame, frame: Frame) -> float:
-        """Return the time in s between two successive frames."""
-        if last.recorded is None or frame.recorded is None or frame.recorded < last.recorded:
+    def _gap(self, last: int | None, recorded: int | None) -> float:
+        """Return the time in s between two successive frames that were recorded at times in ns."""
+        if last is None or recorded is None or recorded < last:
             return 1 / self._settings.rate
-        return (frame.recorded - last.recorded) * 1e-9 / self._settings.speed
+        return (recorded - last) * 1e-9 / self._settings.speed
 
     def _publish(self, frame: Frame) -> None:
         """Publish calibration and pose, as far as they are known, and the image."""
@@ -196,6 +205,11 @@ class CameraNode(Node):
             self._pose.publish(orientation.pose(
                 Header(stamp=time_, frame_id=MAP), frame.pose))
         self._publisher.publish(_image(header, frame))
+
+
+def queue_depth(size: int | None) -> int:
+    """Return how many images of a size in bytes the publisher keeps, None for any size."""
+    return DEPTH if size is None else max(1, min(DEPTH, MOST_QUEUED // size))
 
 
 def _image(header: Header, frame: Frame) -> Image:
@@ -216,6 +230,18 @@ def open_camera(settings: CameraSettings, report: Callable[[str], None]) -> Sour
     return open_source(settings.source, colour, settings.topic, settings.rate, report)
 
 
+def return_large_arrays() -> None:
+    """
+    Have the C library return the memory of each large array when it is freed.
+
+    By itself it keeps arrays of up to 32 MB for later ones, and an image passes through half a
+    dozen: 4K in colour takes 150 MB more.  Where this does not exist, as in musl, nothing happens.
+    """
+    if mallopt := getattr(ctypes.CDLL(None), 'mallopt', None):
+        mallopt(MMAP_THRESHOLD, LARGE)
+
+
 def main() -> int:
     """Run the node until SIGINT, SIGTERM or the end of the source; return the exit code."""
+    return_large_arrays()
     return run('camera', CameraNode)

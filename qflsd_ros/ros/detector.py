@@ -7,6 +7,7 @@ newest replaces the waiting one: results are never old, and every replaced image
 """
 from __future__ import annotations
 
+from collections.abc import Sequence
 from threading import Thread
 import time
 import traceback
@@ -17,6 +18,7 @@ from qflsd_ros.core import Attitude, Parameters, Tracker
 from qflsd_ros.core.attitude import tracker as attitude_tracker
 from qflsd_ros.core.lens import estimation
 from qflsd_ros.core.line_features.feed import Feed
+from qflsd_ros.ros import attitude as attitudes
 from qflsd_ros.ros.attitude import CameraAttitude
 from qflsd_ros.ros.calibration import calibrated, CalibrationWatch
 from qflsd_ros.ros.diagnostics import Statistics
@@ -59,9 +61,22 @@ class DetectorNode(Node):
 
     """
 
-    def __init__(self, **options: Any) -> None:
-        """Take options of rclpy.node.Node, such as a namespace."""
+    def __init__(self, siblings: Sequence[str] = (), **options: Any) -> None:
+        """
+        Take options of rclpy.node.Node, such as a namespace.
+
+        ``siblings`` are the full names of other nodes of this process, for which parameter files
+        may be meant.
+        """
         super().__init__('detector', **options)
+        try:
+            self._set_up(siblings)
+        except BaseException:
+            self.destroy_node()     # others of this process must not see half of a node
+            raise
+
+    def _set_up(self, siblings: Sequence[str]) -> None:
+        """Make all that the node consists of; errors are those of the class."""
         declaration.attach(self, (Parameters, Settings), self._apply, check_together)
         self._read_mask()
         self._statistics = Statistics()
@@ -77,11 +92,13 @@ class DetectorNode(Node):
         self._images = ImageSubscription(
             self, self._transport, self._receive, self._statistics.lost)
         self._calibration = CalibrationSubscription(self)
-        declaration.warn_of_unknown(self)
+        declaration.warn_of_unknown(self, siblings)
         self.create_timer(DIAGNOSTICS_PERIOD, self._diagnose,
                           clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._worker = Thread(target=self._work, name='detection', daemon=True)
         self._kernels = Kernels(self, 'qflsd_ros.core', self._warm_up, self._begin)
+        # Also those of the attitude, if it is on at start.
+        self._attitude_kernels = self._kernels if self._active[1].attitude else None
         self._follow_subscribers()
 
     def run(self) -> None:
@@ -167,6 +184,10 @@ class DetectorNode(Node):
     def _follow_attitude(self, seen: Seen, shape: tuple[int, int], settings: Settings
                          ) -> Attitude | None:
         """Return the attitude, None while it is off; while it is on, check the calibration too."""
+        if settings.attitude and not (self._attitude_kernels and self._attitude_kernels.ready):
+            # Compiling in this thread would stop detection for seconds.
+            self._attitude.attitude, self._attitude.reason = None, attitudes.LOADING
+            return None
         if settings.attitude:
             self._watch.follow(seen.arcs, shape, seen.model,
                                calibrated(self._calibration, shape))
@@ -190,12 +211,16 @@ class DetectorNode(Node):
 
     def _diagnose(self) -> None:
         """Publish a report on the frames since the last call on /diagnostics."""
-        self._follow_subscribers()      # a changed parameter may need camera_info
         settings = self._active[1]
+        self._follow_subscribers()      # a changed parameter may need camera_info
+        if settings.attitude and self._attitude_kernels is None:
+            self._attitude_kernels = Kernels(self, 'qflsd_ros.core.attitude',
+                                             attitude_tracker.warm_up)
         status = DiagnosticStatus(name=f'{self.get_fully_qualified_name()}: detection',
                                   hardware_id=settings.hardware_id or self._images.topic)
         self._statistics.report(status, bool(self._images), settings.max_age)
-        if compiling := self._kernels.compiling:
+        if compiling := self._kernels.compiling or (
+                self._attitude_kernels and self._attitude_kernels.compiling):
             status.level, status.message = DiagnosticStatus.WARN, compiling
         values = self._tracks.take() | self._sequence.lens.values(settings) \
             | self._attitude.values(settings) | self._sequence.circle_values()

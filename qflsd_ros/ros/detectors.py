@@ -47,9 +47,9 @@ class DetectorsNode(Node):
     def __init__(self) -> None:
         super().__init__('detectors')
         namespaces = _namespaces(self._cameras(), self.get_namespace())
-        arguments = node_arguments(sys.argv)
+        names = self.get_fully_qualified_name(), *(f'{each}/detector' for each in namespaces)
         nodes = [node for namespace in namespaces
-                 if (node := self._start(namespace, arguments)) is not None]
+                 if (node := self._start(namespace, names)) is not None]
         if not nodes:
             raise ParameterError('no camera can be started, for the reasons logged above')
         self._threads = [Thread(target=self._follow, args=(node,), daemon=True,
@@ -83,10 +83,10 @@ class DetectorsNode(Node):
         except ParameterException as error:
             raise ParameterError(f'parameter cameras: {error}{EXPECTED}') from error
 
-    def _start(self, namespace: str, arguments: list[str]) -> DetectorNode | None:
+    def _start(self, namespace: str, names: Sequence[str]) -> DetectorNode | None:
         """Return the node of a camera; log why if it cannot be made, which ends no other one."""
         try:
-            return DetectorNode(namespace=namespace, cli_args=arguments,
+            return DetectorNode(names, namespace=namespace, cli_args=node_arguments(sys.argv),
                                 use_global_arguments=False)
         except (ParameterError, ParameterException, RuntimeError) as error:
             if not self.context.ok():

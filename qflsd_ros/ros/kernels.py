@@ -12,6 +12,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
 
+COMPILING = 'compiling kernels'     # begins the text on the progress
 POLL_PERIOD, LOG_PERIOD = 1.0, 5.0  # s; about six lines in a compilation of half a minute
 
 
@@ -51,7 +52,7 @@ class Kernels:
         compiled, kernels = compilation.progress(self._package)
         if self.ready or not compiled:
             return None
-        return f'compiling kernels: {compiled} of {kernels}'
+        return f'{COMPILING}: {compiled} of {kernels}'
 
     def _work(self, warm_up: Callable[[], None]) -> None:
         try:

@@ -107,6 +107,8 @@ class Source(ABC):
         The calibrated camera that took the frames; None if it is not known.
     posed
         Whether the frames have poses.
+    frame_size
+        Bytes of each frame; None if that is not known before the first one.
 
     """
 
@@ -114,6 +116,7 @@ class Source(ABC):
     on_demand = False
     camera: CameraModel | None = None
     posed = False
+    frame_size: int | None = None
 
     def __init__(self, name: str, report: Report) -> None:
         self.name = name
@@ -131,6 +134,7 @@ class Source(ABC):
         for frame in self._frames():
             empty = False
             yield frame
+            del frame
         if empty:
             raise SourceError(f'{self.name}: not one frame in it can be read')
 

@@ -10,12 +10,12 @@ from enum import Enum
 import os
 from pathlib import Path
 
-from qflsd_ros.sources.bag import Bag, STORAGE_SUFFIXES
 from qflsd_ros.sources.files import IMAGE_SUFFIXES, list_files, open_folder, open_image
 from qflsd_ros.sources.frames import Report, report_by_log, Source, SourceError
 from qflsd_ros.sources.sequence import DESCRIPTION, Sequence
 from qflsd_ros.sources.video import Video, Webcam
 
+BAG_SUFFIXES = ('.mcap', '.db3')    # of both kinds of storage of rosbag2
 # Suffixes of the files in a folder that count as videos.  A file that is named explicitly is
 # opened as a video whatever its suffix, unless that belongs to another kind: OpenCV reads more
 # formats than these.
@@ -41,7 +41,7 @@ def kind_of(path: Path) -> Kind:
     if os.path.isdir(path):
         return Kind.BAG if os.path.exists(path / 'metadata.yaml') else Kind.FOLDER
     suffix = path.suffix.lower()
-    if suffix in STORAGE_SUFFIXES:
+    if suffix in BAG_SUFFIXES:
         return Kind.BAG
     return Kind.IMAGE if suffix in IMAGE_SUFFIXES else Kind.VIDEO
 
@@ -88,6 +88,7 @@ def open_source(text: str, colour: bool = False, topic: str = '', rate: float = 
         raise SourceError(f'{text!r}: {error.strerror}') from error
     kind = kind_of(path)
     if kind is Kind.BAG:
+        from qflsd_ros.sources.bag import Bag   # rosbags takes 8 MB
         return Bag(path, topic, report)
     if kind is Kind.FOLDER and os.path.exists(path / DESCRIPTION):
         return Sequence(path, colour, report)

@@ -7,6 +7,7 @@ import os
 from pathlib import Path
 import subprocess
 import sys
+import time
 
 import pytest
 
@@ -73,12 +74,14 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """Give a cache that ``warm_up`` has filled; there were other folders in it before."""
     cache = tmp_path_factory.mktemp('cache')
     cache.chmod(0o700)
-    for name in ('0123456789abcdef', 'notes'):
-        (cache / 'qflsd_ros' / name).mkdir(0o700, parents=True)
-        (cache / 'qflsd_ros' / name / 'old.kernel').write_text('')
+    for name, days in (('0123456789abcdef', 40), ('123456789abcdef0', 3), ('notes', 40)):
+        folder = cache / 'qflsd_ros' / name
+        folder.mkdir(0o700, parents=True)
+        (folder / 'old.kernel').write_text('')
+        os.utime(folder, 2 * (time.time() - days * 86400,))
     said = warm_up(cache)
     assert said.returncode == 0, said.stderr
-    assert str(kernels(cache)[0].parents[1]) in said.stdout
+    assert str(cache / 'qflsd_ros') in said.stdout
     yield cache
 
 
@@ -89,9 +92,17 @@ def test_all_kernels_are_compiled(cache: Path) -> None:
 
 
 def test_old_caches_are_removed(cache: Path) -> None:
-    """Only what has a name as ours have: the folder of a user stays."""
+    """Those of other checkouts that are in use stay, and a user's folder of another name."""
     names = {path.name for path in (cache / 'qflsd_ros').iterdir()}
-    assert 'notes' in names and '0123456789abcdef' not in names and len(names) == 2
+    assert {'notes', '123456789abcdef0'} < names and len(names) == 3
+
+
+def test_use_of_a_cache_is_noted(cache: Path) -> None:
+    """Else a version in use would be removed after a while."""
+    folder, = {path.parent for path in kernels(cache) if path.name != 'old.kernel'}
+    os.utime(folder, (0, 0))
+    warm_up(cache, '--check')
+    assert time.time() - folder.stat().st_mtime < 3600
 
 
 def test_a_check_of_a_complete_cache(cache: Path) -> None:

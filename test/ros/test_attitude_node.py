@@ -1,12 +1,14 @@
 """Attitude, focal length and the check of a calibration by the detector over real DDS."""
 from __future__ import annotations
 
+import shutil
 from typing import TYPE_CHECKING
 
 from diagnostic_msgs.msg import DiagnosticStatus
 import numpy as np
 import pytest
-from qflsd_ros.core import DivisionModel
+from qflsd_ros.core import compilation, DivisionModel
+from qflsd_ros.core.attitude import tracker as attitude_tracker
 from qflsd_ros.core.lens.conversion import camera_info_terms
 from qflsd_ros.ros.output import clouds
 from qflsd_ros.sources import Scene
@@ -52,6 +54,25 @@ def test_attitude_and_focal_length(peer: Peer) -> None:
     assert not refused.successful and 'both by set_parameters_atomically' in refused.reason
     assert all(result.successful for result in rig.change(focal='off', attitude=False))
     rig.show(picture, 'no attitude: parameter attitude is false')
+
+
+@pytest.mark.slow
+def test_attitude_that_is_switched_on_compiles_beside_detection(peer: Peer) -> None:
+    """Images keep their results meanwhile; the reason for the missing attitude is logged."""
+    attitude_tracker.warm_up()
+    cache = peer.folder / 'cache'
+    shutil.copytree(compilation.STORE.folder.parent, cache / 'qflsd_ros')
+    kernel = next(kernel for kernel in compilation._kernels if kernel.versions
+                  and kernel.module.startswith('qflsd_ros.core.attitude'))
+    for path in cache.rglob(f'{kernel.py_func.__name__}-*.*'):
+        path.unlink()
+    rig = Rig(peer, lens='estimate', listen=('arcs', 'attitude'),
+              NUMBA_CACHE_DIR=str(cache)).ready()
+    rig.detect(image(ROOM.image(0)), 'arcs')
+    assert rig.change(attitude=True)[0].successful
+    rig.show(image(ROOM.image(0)), 'no attitude: its kernels are still being loaded')
+    rig.detect(image(ROOM.image(0)), 'arcs')
+    rig.detect(image(ROOM.image(0)), 'attitude')
 
 
 def calibration(**changes: object) -> CameraInfo:

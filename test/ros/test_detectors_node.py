@@ -128,7 +128,21 @@ def test_a_camera_that_cannot_be_started_is_left_out(peer: Peer) -> None:
     assert same(left.detect(image(picture('left'))), expected('left'))
     assert '/front/detector cannot be started: parameter min_length is -1.0' in process.output
     assert f'{file}, line 3)' in process.output
+    assert ('detector', '/front') not in peer.node.get_node_names_and_namespaces()
     assert process.stop() == 0
+
+
+def test_a_file_for_some_of_the_cameras(peer: Peer) -> None:
+    """It is right for the others, too; one that names none of them is not."""
+    for name in ('left', 'rear'):
+        (peer.folder / f'{name}.yaml').write_text(
+            f'/{name}/detector:\n  ros__parameters:\n    min_length: 60.0\n')
+    process = start(peer, *(argument for name in ('left', 'rear') for argument in
+                            ('--params-file', str(peer.folder / f'{name}.yaml'))))
+    left = rig_of(peer, 'left', process)
+    assert same(left.detect(image(picture('left'))), expected('left'))
+    warnings = [line for line in process.output.splitlines() if 'no section matches' in line]
+    assert len(warnings) == 2 and all('rear.yaml' in line for line in warnings)
 
 
 @pytest.mark.parametrize('arguments, reason', [

@@ -45,7 +45,7 @@ def test_a_home_that_cannot_be_written(peer: Peer) -> None:
     """
     The node compiles at every start, and logs once how to avoid that.
 
-    That what is compiled works without being kept is shown by test/core/test_kernel_cache.py.
+    That what is compiled works without being kept is shown by test/core/kernels/test_store.py.
     """
     cache = peer.folder / 'cache'
     cache.write_text('a file where a folder should be')  # root may write into any folder

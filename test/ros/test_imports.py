@@ -6,11 +6,13 @@ import sys
 
 import pytest
 
-UNUSED = ('matplotlib', 'qflsd_ros.cli', 'qflsd_ros.sources.scene', 'rosbags', 'tqdm')
+UNUSED = ('matplotlib', 'numba', 'qflsd_ros.cli', 'rosbags', 'tqdm')
+SCENE = 'qflsd_ros.sources.scene'
 
 
-@pytest.mark.parametrize('node', ['detector', 'detectors'])
-def test_detectors_import_neither_bags_nor_the_scene(node: str) -> None:
-    script = f'import sys, qflsd_ros.ros.{node}; print(*(set({UNUSED}) & set(sys.modules)))'
+@pytest.mark.parametrize('node, unused', [
+    ('detector', (*UNUSED, SCENE)), ('detectors', (*UNUSED, SCENE)), ('camera', UNUSED)])
+def test_nodes_import_no_bags_and_detectors_no_scene(node: str, unused: tuple[str, ...]) -> None:
+    script = f'import sys, qflsd_ros.ros.{node}; print(*(set({unused}) & set(sys.modules)))'
     done = subprocess.run([sys.executable, '-c', script], capture_output=True, text=True)
     assert (done.returncode, done.stdout.strip()) == (0, ''), done.stderr

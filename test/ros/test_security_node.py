@@ -50,10 +50,10 @@ def test_dangers_are_seen(source: str) -> None:
 def test_no_eval_no_pickle_no_shell() -> None:
     files = sorted((ROOT / 'qflsd_ros').rglob('*.py'))
     assert len(files) > 50
-    # Compiled kernels: of private folders alone, see test/core/test_kernel_cache.py.
+    # Compiled kernels: of private folders alone, see test/core/kernels/test_store.py.
     assert {path.name: found for path in files
             if (found := list(dangers(path.read_text(encoding='utf-8'))))
-            } == {'kernel_cache.py': ['pickle']}
+            } == {'by_numba.py': ['pickle']}
 
 
 @pytest.mark.parametrize('kind, names', [

@@ -108,7 +108,7 @@ class _Ray(NamedTuple):
     y: float
     dx: float       # px, from a sample to the next
     dy: float
-    count: int      # of samples
+    samples: int    # their number
 
 
 def find_image_circle(gray: np.ndarray, where: Region) -> ImageCircle | None:
@@ -204,7 +204,7 @@ def _ray(where: Region, way: np.ndarray) -> tuple[_Ray, float]:
 @inlined
 def _fill(gray: np.ndarray, ray: _Ray, profile: np.ndarray, filled: int, wanted: int) -> int:
     """Sample a ray until ``wanted`` samples are filled, or all; return how many are."""
-    last = min(wanted, ray.count)
+    last = min(wanted, ray.samples)
     for k in range(filled, last):
         profile[k] = gray[int(ray.y + k * ray.dy + 0.5), int(ray.x + k * ray.dx + 0.5)]
     return max(filled, last)
@@ -228,7 +228,7 @@ def _first_step(gray: np.ndarray, ray: _Ray, level: float, step: float,
     From the sample of the step on, the grey level changes most.
     """
     best, place, filled = 0.0, 0, 0
-    for k in range(ray.count - SIDE - GAP + 1):
+    for k in range(ray.samples - SIDE - GAP + 1):
         filled = _fill(gray, ray, profile, filled, k + SIDE + GAP)
         # Most pixels of the outside are so close to its level that they end no step.
         if best == 0 and 2 * abs(profile[filled - 1] - level) < step:

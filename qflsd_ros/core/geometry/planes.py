@@ -81,12 +81,14 @@ def _shapes(table: np.ndarray) -> np.ndarray:
     has the variance u, a fitted curvature has the variance 720 u / length^4, and the middle of the
     arc 9 u / 4.  Where the curvature was not fitted, the middle has the variance u.  There the
     curvature follows from the lens, without error of its own; or, without a lens, it is 0 because
-    the fitted one did not differ from 0 significantly, and has the variance of that.
+    the fitted one did not differ from 0 significantly, and has the variance of that.  Where u is
+    0, the points are taken to be spread over the whole arc.
     """
     bent, std = table['bent'] == 1, table['curvature_std']
     shift = np.where(bent, 2 / 3, 1) * table['offset_std']
     length = table['length'].copy()
-    np.sqrt(np.divide(np.sqrt(720) * shift, std, where=std > 0, out=length ** 2), out=length)
+    np.sqrt(np.divide(np.sqrt(720) * shift, std, where=(std > 0) & (shift > 0), out=length ** 2),
+            out=length)
     along = table['length'][:, None] * np.linspace(-0.5, 0.5, SAMPLES)
     turn = (shift * np.sqrt(12) / length)[:, None] * along
     by_lens = ~bent & (table['curvature'] != 0)

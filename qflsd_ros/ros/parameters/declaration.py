@@ -105,9 +105,13 @@ def attach(node: Node, kinds: Sequence[type], apply: Callable[..., None],
     apply(*current)
 
 
-def warn_of_unknown(node: Node) -> None:
-    """Warn of values given at start for unknown parameters, and of files for other nodes."""
-    for line in unmatched(sys.argv, node.get_fully_qualified_name()):
+def warn_of_unknown(node: Node, siblings: Sequence[str] = ()) -> None:
+    """
+    Warn of values given at start for unknown parameters, and of files for other nodes.
+
+    Files for one of ``siblings``, full names of nodes of this process, are right as well.
+    """
+    for line in unmatched(sys.argv, node.get_fully_qualified_name(), siblings):
         node.get_logger().warning(line)
     known = node.list_parameters([], 0).names
     for name in _given(node):

@@ -22,10 +22,15 @@ def origin(text: str, arguments: Sequence[str]) -> str:
     return f' ({"; ".join(places)})' if places else ''
 
 
-def unmatched(arguments: Sequence[str], node: str) -> Iterator[str]:
-    """Yield a message for each parameter file of a command line without a section for a node."""
+def unmatched(arguments: Sequence[str], node: str, siblings: Sequence[str] = ()
+              ) -> Iterator[str]:
+    """
+    Yield a message for each parameter file of a command line without a section for a node.
+
+    A file with a section for one of ``siblings`` is not meant for all nodes.
+    """
     for file, sections in files(arguments):
-        if parameter_file.merged(sections, node) is None:
+        if all(parameter_file.merged(sections, name) is None for name in (node, *siblings)):
             yield parameter_file.unmatched(Path(file), sections, node)
 
 

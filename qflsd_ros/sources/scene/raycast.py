@@ -19,6 +19,7 @@ from qflsd_ros.sources.scene.solids import Surfaces
 
 TEXTURE_SIZE = 256      # texels; a power of two, so that indices wrap by a bit mask
 BLOCK = 8               # px; chosen: edges would cross larger blocks more often
+BAND = 64               # rows that are drawn at a time: some MB in any image; chosen, not tuned
 BISECTIONS = 6          # halvings of a pixel's side: the error is at most 1 / 128 px
 
 Place = tuple[float, float]         # x, y, px
@@ -269,12 +270,16 @@ def _crossing(view: View, first: int, second: int, start: Place, along: Place) -
 
 
 @compiled
-def _cross(view: View, cells: np.ndarray, crossings: Crossings) -> None:
-    """Fill in where boundaries cross the top and the left side of each pixel."""
+def _cross(view: View, first: int, cells: np.ndarray, crossings: Crossings) -> None:
+    """
+    Fill in where boundaries cross the top and the left side of each pixel.
+
+    ``first`` is the row of the image at which ``cells`` begin.
+    """
     rows, columns = cells.shape
     for row in range(rows):
         for column in range(columns):
-            start, cell = (column - 0.5, row - 0.5), cells[row, column]
+            start, cell = (column - 0.5, first + row - 0.5), cells[row, column]
             if column + 1 < columns and cells[row, column + 1] != cell:
                 crossings.top[row, column] = _crossing(
                     view, cell, cells[row, column + 1], start, (1.0, 0.0))
@@ -352,7 +357,8 @@ def render(surfaces: Surfaces, lines: np.ndarray, camera: Camera,
     texture
         (TEXTURE_SIZE, TEXTURE_SIZE) float32, periodic in both directions.
     noise
-        (height, width, C) float32 grey levels, added to the image.
+        (N,) float32 grey levels, added to the values of the image in their order, and repeated
+        where there are more values.
 
     Returns
     -------
@@ -360,7 +366,7 @@ def render(surfaces: Surfaces, lines: np.ndarray, camera: Camera,
         (height, width, C) uint8.
 
     """
-    height, width = camera.lens.shape
+    height, width = shape = camera.lens.shape
     boxes, faces, patches, cells, _ = surfaces
     x, y, z = map(float, camera.position)
     numbers = camera.numbers()
@@ -369,13 +375,36 @@ def render(surfaces: Surfaces, lines: np.ndarray, camera: Camera,
     nearby, busy = np.full((*blocks, len(boxes)), -1), np.zeros(blocks, np.bool_)
     _nearby(boxes, numbers, BLOCK * most, nearby)
     near_edges(numbers, (x, y, z), lines, least * 3, BLOCK, busy)
-    lights, top, left = np.full((3, height + 1, width + 1), 0.5, np.float32)
+    lights = np.full((height + 1, width + 1), 0.5, np.float32)
     view = View(boxes, faces, patches, cells, texture, nearby, numbers)
     corners = Corners(np.empty((height + 1, width + 1), np.int32), lights)
-    crossings = Crossings(top, left)
     _cast_corners(view, busy, corners)
     _cast_blocks(view, busy, corners, np.empty((4, 3)))
-    _cross(view, corners.cells, crossings)
-    image = np.empty(noise.shape, np.uint8)
-    _mix(colours, corners, crossings, noise, image)
+    image = np.empty((*shape, colours.shape[1]), np.uint8)
+    _draw(view, corners, colours, noise, image)
     return image
+
+
+def _draw(view: View, corners: Corners, colours: np.ndarray, noise: np.ndarray,
+          image: np.ndarray) -> None:
+    """Compute the pixels in bands of rows: the arrays of all rows would be larger than it."""
+    height, width, channels = image.shape
+    sides = np.empty((2, BAND + 1, width + 1), np.float32)
+    for first in range(0, height, BAND):
+        last = min(first + BAND, height)
+        rows = slice(first, last + 1)
+        band = Corners(corners.cells[rows], corners.lights[rows])
+        sides.fill(0.5)     # where no boundary crosses, corners of one cell share in equal parts
+        crossings = Crossings(*sides[:, :last - first + 1])
+        _cross(view, first, band.cells, crossings)
+        row = width * channels
+        _mix(colours, band, crossings, _section(noise, first * row, last * row).reshape(
+            last - first, width, channels), image[first:last])
+
+
+def _section(values: np.ndarray, first: int, last: int) -> np.ndarray:
+    """Return a section of values that are repeated without end."""
+    begin, count = first % len(values), last - first
+    if begin + count <= len(values):
+        return values[begin:begin + count]
+    return np.resize(np.roll(values, -begin), count)

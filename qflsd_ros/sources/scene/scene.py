@@ -21,6 +21,9 @@ from qflsd_ros.sources.scene.truth import visible_arcs
 
 FRAMES_PER_TURN = 1200      # frames of the closed path: 40 s at 30 Hz, a walk around the room
 ACCURATE = 0.1              # px, that of edge points on photographs (STRAY of lens/observation)
+# Values of noise that are kept, 34 MB.  Images of more values, such as 4K in grey, repeat them.
+# Chosen, not tuned.
+MOST_NOISE = 2 ** 23
 # Weights of blue, green, red in grey levels (ITU-R BT.601), as OpenCV converts colours.
 LUMA = np.array([[0.114], [0.587], [0.299]])
 
@@ -67,9 +70,9 @@ class Scene:
         self._texture = _texture(seed)
         # Each frame takes a random section of this noise: new noise for each frame would take half
         # as long as rendering.
-        pool = 2 * height * width * (3 if colour else 1) + 65536
-        self._noise = np.float32(noise) * np.random.default_rng((seed, 2)).standard_normal(
-            pool, np.float32)
+        pool = min(2 * height * width * (3 if colour else 1) + 65536, MOST_NOISE)
+        self._noise = np.random.default_rng((seed, 2)).standard_normal(pool, np.float32)
+        self._noise *= np.float32(noise)
 
     def frame(self, number: int) -> tuple[np.ndarray, Arcs]:
         """Return a frame's image and its exact arcs."""
@@ -77,10 +80,11 @@ class Scene:
 
     def image(self, number: int) -> np.ndarray:
         """Return a frame's image: (H, W) uint8, or (H, W, 3) blue, green, red in colour."""
-        shape = *self.lens.shape, 3 if self.colour else 1
-        size = math.prod(shape)
-        first = np.random.default_rng((self.seed, number)).integers(len(self._noise) - size + 1)
-        image = self._render(number, self._noise[first:first + size].reshape(shape))
+        size = math.prod(self.lens.shape) * (3 if self.colour else 1)
+        # Of noise for less than an image the second half at least, which is repeated.
+        used = min(size, len(self._noise) // 2)
+        first = np.random.default_rng((self.seed, number)).integers(len(self._noise) - used + 1)
+        image = self._render(number, self._noise[first:first + size], self.colour)
         return image if self.colour else image[..., 0]
 
     def truth(self, number: int) -> Arcs:
@@ -91,7 +95,7 @@ class Scene:
         its ``track`` is the number of its edge, from 1, in all frames: row ``track - 1`` of
         :attr:`edges`.
         """
-        clean = self._render(number, np.zeros((*self.lens.shape, 1), np.float32))
+        clean = self._render(number, np.zeros(1, np.float32), colour=False)
         return visible_arcs(self._edges, self._boxes, self._camera(number), clean[..., 0])
 
     @property
@@ -106,7 +110,7 @@ class Scene:
     def _camera(self, number: int) -> Camera:
         return Camera(self.lens, *room.viewpoint(number / FRAMES_PER_TURN))
 
-    def _render(self, number: int, noise: np.ndarray) -> np.ndarray:
+    def _render(self, number: int, noise: np.ndarray, colour: bool) -> np.ndarray:
         camera = self._camera(number)
         front = front_faces(self._boxes, camera.position).ravel()
         lines = self._edge_ends[front[self._edge_faces].any(axis=1)]
@@ -115,7 +119,7 @@ class Scene:
                                               for box in self._boxes]
         colours = self._surfaces.colours
         return render(self._surfaces._replace(boxes=boxes), lines, camera,
-                      colours if noise.shape[2] == 3 else colours @ LUMA, self._texture, noise)
+                      colours if colour else colours @ LUMA, self._texture, noise)
 
 
 class SceneFrames(Source):
@@ -132,6 +136,7 @@ class SceneFrames(Source):
     def __init__(self, scene: Scene, report: Report = report_by_log) -> None:
         super().__init__('scene', report)
         self._scene = scene
+        self.frame_size = math.prod(scene.lens.shape) * (3 if scene.colour else 1)
         terms = calibration(scene.lens)
         self.camera = CameraModel(terms.distortion_model, terms.matrix, terms.coefficients)
         if terms.residual > ACCURATE:

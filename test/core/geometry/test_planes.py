@@ -116,6 +116,19 @@ def test_covariance_is_that_of_repeated_noise(lens, bow):
     assert abs(values[0]) < 1e-6 * values[2]
 
 
+@pytest.mark.parametrize('offset_std, curvature_std', [(0.0, 0.0), (0.0, 1e-4), (0.1, 0.0)])
+@pytest.mark.parametrize('bent', [0, 1])
+def test_deviations_of_0(offset_std, curvature_std, bent):
+    """As of the exact arcs of a rendered scene: the covariance is finite, and no warning comes."""
+    arcs = through(np.array([[[300.0, 200], [350, 210], [400, 220]]]))
+    arcs.table['offset_std'], arcs.table['curvature_std'] = offset_std, curvature_std
+    arcs.table['bent'] = bent
+    with np.errstate(divide='raise', invalid='raise'):
+        covariance, = planes(arcs, STRAIGHT).covariances
+    assert np.isfinite(covariance).all()
+    assert (np.trace(covariance) > 0) == (offset_std > 0 or curvature_std > 0)
+
+
 def test_arcs_that_the_lens_cannot_show_have_no_plane():
     lens = CameraModel('plumb_bob', MATRIX, np.array([-0.8]))
     inside = [[320.0, 230], [330, 230], [340, 230]]

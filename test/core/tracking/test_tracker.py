@@ -4,11 +4,11 @@ import subprocess
 import sys
 
 import cv2
-from numba.core.dispatcher import Dispatcher
 import numpy as np
 import pytest
 from qflsd_ros.core import DivisionModel, Parameters, Tracker, with_straightness
 from qflsd_ros.core.arcs import TRACKED_TABLE
+from qflsd_ros.core.kernels.kernel import Kernel
 from qflsd_ros.core.tracking import state
 from qflsd_ros.core.tracking.birth import LAST_IDENTITY
 
@@ -243,10 +243,10 @@ def test_straightness_keeps_the_columns_of_a_track():
 
 def signatures() -> int:
     """Return how many signatures of kernels of the core this process has compiled or loaded."""
-    return sum(len(kernel.signatures) for name, module in list(sys.modules.items())
+    return sum(kernel.versions for name, module in list(sys.modules.items())
                if name.startswith('qflsd_ros.core')
                for kernel in vars(module).values()
-               if isinstance(kernel, Dispatcher) and kernel.py_func.__module__ == name)
+               if isinstance(kernel, Kernel) and kernel.py_func.__module__ == name)
 
 
 def test_warm_up_leaves_no_kernel_to_compile():

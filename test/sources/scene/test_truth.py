@@ -31,7 +31,7 @@ def two_tone(patches: dict[str, list[Patch]], more: list[Box], camera: Camera) -
     lines = edges(boxes)
     ends = np.array([(line.start, line.end) for line in lines])
     texture = np.zeros((TEXTURE_SIZE, TEXTURE_SIZE), np.float32)
-    noise = np.zeros((*camera.lens.shape, 1), np.float32)
+    noise = np.zeros(1, np.float32)
     image = render(tables, ends, camera, tables.colours[:, :1].copy(), texture, noise)[..., 0]
     return image, visible_arcs(lines, boxes, camera, image)
 

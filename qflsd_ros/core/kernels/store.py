@@ -1,13 +1,13 @@
 """
-Compiled kernels on disk: a file for each kernel and signature, for numba to load.
+Compiled kernels on disk: a file for each kernel and signature.
 
 numba's own cache has an index for each function, which processes that start together overwrite
 with each other's, and it ends the program where a file of it is damaged or cannot be written.
 Here a file is written whole or not at all, and ends with a digest of its content: a damaged one is
 removed, and its kernel compiled anew.
 
-The files are pickles, since numba knows no other form: whoever writes one can run code here. So
-they are kept in a private folder alone.
+The files are machine code: whoever writes one can run code here. So they are kept in a private
+folder alone.
 """
 from __future__ import annotations
 
@@ -17,21 +17,19 @@ import hashlib
 import logging
 import os
 from pathlib import Path
-import pickle
 import re
 import shutil
 import tempfile
-from typing import Any
+import time
 
-from numba.core.caching import _Cache
-from numba.core.compiler import CompileResult
-from numba.core.serialize import dumps
 from qflsd_ros.core import private_folder
 
 DIGEST = hashlib.sha256
 DIGEST_SIZE = DIGEST().digest_size
-SUFFIX = '.kernel'
 NAME_SIZE = 16  # hexadecimal digits in the name of a folder: 64 bits, so that no two are the same
+# s without use after which the kernels of another version are removed: 30 days, in which whoever
+# works on several checkouts uses each of them.  Chosen, not tuned.
+UNUSED = 30 * 86400.0
 FOLDER_NAME = re.compile(f'[0-9a-f]{{{NAME_SIZE}}}')
 
 
@@ -71,6 +69,8 @@ class Store:
                 folder = self._locate()
                 private_folder.make(folder)
                 self._folder = folder
+                with suppress(OSError):     # that of another user, or of an image
+                    os.utime(folder)
             except OSError as error:
                 self._warn_unkept(error.filename, error)
         return self._folder
@@ -110,18 +110,21 @@ class Store:
         except OSError as error:
             self._warn_unkept(self.folder, error)
 
-    def remove_others(self) -> list[Path]:
+    def remove_unused(self) -> list[Path]:
         """
-        Remove the folders of other versions beside this one; return those that are gone.
+        Remove the folders of other versions that are not in use; return those that are gone.
 
-        A folder of another user stays, and so does whatever has another name than ours have.
+        Others may be in use: several checkouts of one user keep their kernels side by side.  A
+        process that uses a folder sets its time of modification.  A folder of another user stays,
+        and so does whatever has another name than ours have.
         """
         if self.folder is None:
             return []
         others = [path for path in sorted(self.folder.parent.iterdir())
                   if path != self.folder and FOLDER_NAME.fullmatch(path.name)
                   and path.is_dir() and not path.is_symlink()
-                  and path.stat().st_uid == os.geteuid()]
+                  and path.stat().st_uid == os.geteuid()
+                  and time.time() - path.stat().st_mtime > UNUSED]
         for path in others:
             shutil.rmtree(path, ignore_errors=True)
         return [path for path in others if not path.exists()]
@@ -152,45 +155,3 @@ class Store:
         if kind not in self._warned:
             self._warned.add(kind)
             logging.getLogger(__name__).warning(text, *values)
-
-
-class KernelCache(_Cache):
-    """The cache of one kernel's compiled code, with the interface that numba requires."""
-
-    def __init__(self, function: Callable[..., Any], store: Store) -> None:
-        """Take the kernel in Python, and where compiled ones are."""
-        self._function, self._store = function, store
-        self.module = function.__module__
-        self.is_compiled = False  # by this process, since the store did not have it
-
-    @property
-    def cache_path(self) -> str:
-        """Return the folder, for numba's statistics."""
-        return str(self._store.folder)
-
-    def load_overload(self, sig: Any, target_context: Any) -> CompileResult | None:
-        """Return what was kept for a signature and this processor, or None."""
-        target_context.refresh()
-        content = self._store.read(self._name(sig, target_context.codegen()))
-        if content is None:
-            if self._store.is_final:
-                raise NotKeptError(f'{self.module}.{self._function.__name__}')
-            return None
-        return CompileResult._rebuild(target_context, *pickle.loads(content))
-
-    def save_overload(self, sig: Any, data: CompileResult) -> None:
-        """Keep what was compiled for a signature."""
-        self.is_compiled = True
-        if not data.library.has_dynamic_globals:  # pointers, which the next process has elsewhere
-            self._store.write(self._name(sig, data.codegen), dumps(data._reduce()))
-
-    def enable(self) -> None:
-        """Do nothing, since the cache is always enabled; numba requires the method."""
-
-    disable = flush = enable
-
-    def _name(self, sig: Any, codegen: Any) -> str:
-        code = self._function.__code__
-        key = repr((self.module, code.co_firstlineno, code.co_code.hex(),
-                    sig, codegen.magic_tuple()))
-        return f'{self._function.__name__}-{DIGEST(key.encode()).hexdigest()[:32]}{SUFFIX}'
