@@ -55,7 +55,7 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         folder = cache / 'qflsd_ros' / name
         folder.mkdir(0o700, parents=True)
         (folder / 'old.kernel').write_text('')
-        os.utime(folder, 2 * [time.time() - days * 86400])
+        os.utime(folder, 2 * (time.time() - days * 86400,))
     said = warm_up(cache)
     assert said.returncode == 0, said.stderr
     assert str(cache / 'qflsd_ros') in said.stdout
