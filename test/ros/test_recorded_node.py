@@ -72,8 +72,8 @@ def test_a_bag_has_what_the_node_publishes(peer: Peer, tmp_path: Path, kind: typ
     parameters.write_text(PARAMETERS)
     messages = frames(kind)
     record(tmp_path / 'drive', f'sensor_msgs/msg/{kind.__name__}', messages)
-    assert main([str(tmp_path / 'drive'), '--params', str(parameters), '--jobs', '2' if raw else '1',
-                 '--output', str(tmp_path / 'out')]) == 0
+    assert main([str(tmp_path / 'drive'), '--params', str(parameters),
+                 '--jobs', '2' if raw else '1', '--output', str(tmp_path / 'out')]) == 0
 
     rig = Rig(peer, '--params-file', str(parameters), '-p',
               f'image_transport:={"raw" if raw else "compressed"}', lens='estimate',
