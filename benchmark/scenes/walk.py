@@ -69,7 +69,9 @@ class Walk:
         self._scene = Beside(width, height, lam, noise)
         self._scene.shift = np.array(shift)
         terms = calibration(self._scene.lens)
-        self._camera, self._lens = _model(terms), self._scene.lens
+        # The true camera, and that which the planes are seen with.
+        self._true = self._camera = _model(terms)
+        self._lens = self._scene.lens
         self.edges, self.focal = self._scene.edges, float(terms.matrix[0, 0])
 
     def estimate(self, frames: range) -> tuple[float, float]:
@@ -104,7 +106,7 @@ class Walk:
         for number in frames:
             arcs = self._scene.truth(number)
             table = arcs.table[arcs.table['contrast'] >= CONTRAST]
-            rays = np.stack([self._camera.rays(table[end]) for end in ('start', 'end')], axis=1)
+            rays = np.stack([self._true.rays(table[end]) for end in ('start', 'end')], axis=1)
             edge, shares = _on_edges(self.edges, Pose.from_matrix(self._scene.pose(number)), rays)
             for i, row in zip(edge, np.sort(shares, axis=1) * BINS):
                 if i >= 0:

@@ -35,6 +35,9 @@ PATIENCE = 90
 # Share of the views of two lines that must agree with one line in place of both.  Chosen, not
 # tuned.
 UNITED = 0.8
+# Images between two searches for lines that are one: half a second at 30 Hz.  A search takes half
+# as long as all else of a map.
+SEARCHED = 15
 
 
 class MappedLines(NamedTuple):
@@ -79,7 +82,7 @@ class LineMap:
         self._slots: dict[int, int] = {}            # of tracks, several of which may share one
         self._names: dict[int, list[int]] = {}      # tracks of each slot
         self._free = list(range(CAPACITY - 1, -1, -1))
-        self._image = 0
+        self._image, self._searched = 0, 0
 
     def __len__(self) -> int:
         """Return the number of lines, confirmed or not."""
@@ -123,15 +126,21 @@ class LineMap:
         for slot in used[~confirmed & (self._last[used] < self._image - PATIENCE)]:
             self._remove(slot)
         kept = used[confirmed]
-        pairs = found_again(as_lines(self._results[kept]), self._first[kept], self._last[kept])
-        gone = [new for old, new in kept[pairs] if self._unite(old, new)]
-        kept = kept[~np.isin(kept, gone)]
+        if self._image >= self._searched + SEARCHED:
+            self._searched = self._image
+            kept = self._united(kept)
         return MappedLines(self._tracks[kept], self._seen[kept], as_lines(self._results[kept]))
 
     def _used(self) -> np.ndarray:
         """Return the slots of all lines in the order of their tracks."""
         slots = np.fromiter(self._names, np.int64, len(self._names))
         return slots[np.argsort(self._tracks[slots])]
+
+    def _united(self, slots: np.ndarray) -> np.ndarray:
+        """Unite lines that are one, and return the slots that stay, in the same order."""
+        pairs = found_again(as_lines(self._results[slots]), self._first[slots], self._last[slots])
+        gone = [new for old, new in slots[pairs] if self._unite(old, new)]
+        return slots[~np.isin(slots, gone)]
 
     def _unite(self, old: int, new: int) -> bool:
         """Add the views of a line to those of an earlier one, and return whether they agree."""

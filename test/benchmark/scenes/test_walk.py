@@ -57,3 +57,5 @@ def test_lens_and_focal_length_are_estimated() -> None:
     unknown = Walk(-0.5, 2.0, (240, 320))
     bend, focal = unknown.estimate(range(60))
     assert 0 < abs(bend) < 0.03 and 0 < abs(focal) < 0.03
+    known = Walk(-0.5, 2.0, (240, 320))
+    assert (unknown.visible(range(1)) == known.visible(range(1))).all()
