@@ -2,7 +2,7 @@
 Agreement: whether two arcs are parts of one, and what joining them costs.
 
 A joined arc fits the nodes of both, turns by less than half a turn, and has gradients that support
-it in the gap.  The pieces beside the gap continue each other (:mod:`continuation`).
+it in the gap.
 """
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ from qflsd_ros.core import circle
 from qflsd_ros.core.compilation import compiled, inlined
 from qflsd_ros.core.detection.contours.gradients import GAIN
 from qflsd_ros.core.detection.frame import Frame, Limits
-from qflsd_ros.core.detection.joining.continuation import doubt
 from qflsd_ros.core.detection.joining.grid import Grid
 from qflsd_ros.core.detection.joining.heap import Heap
 from qflsd_ros.core.detection.joining.pieces import COUNT, NODE_WEIGHT, NODES, Pieces, RSS, SIZE
@@ -23,7 +22,7 @@ from qflsd_ros.core.detection.joining.pieces import COUNT, NODE_WEIGHT, NODES, P
 # All of these are chosen, not tuned, unless stated otherwise.
 # Largest rms distance of the shorter arc from the joined one: px, px per px of the longer arc,
 # since edges and lenses are not perfect, and standard deviations of the mean of its points.
-MISFIT, MISFIT_SHARE, MISFIT_BY_NOISE = 0.3, 0.005, 5.0
+MISFIT, MISFIT_SHARE, MISFIT_BY_NOISE = 0.25, 0.004, 5.0
 MAX_TURN = 3.0          # radians; the image of a line turns by less than pi
 LEEWAY = 1.8            # distance of a node from the joined arc, in tolerances, at most
 MISFIT_COST = 8.0       # px of gap that weigh as much as 1 px of misfit
@@ -206,8 +205,7 @@ def cost(work: Workspace, e: int, f: int, gap: float, limits: Limits) -> float:
         return np.inf
     misfit, most = _misfit(groups.sums, a, b, rss)
     if (misfit > most or _farthest(trial.fit, 0, trial.nodes, 0, n) > off
-            or _bends(groups, a, b, gap, trial, limits)
-            or doubt(work.pieces, (e, f), gap, trial.nodes, middle, trial.fit) > 1):
+            or _bends(groups, a, b, gap, trial, limits)):
         return np.inf
     return gap + flip_cost(e, f) + MISFIT_COST * misfit
 

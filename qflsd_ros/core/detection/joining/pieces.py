@@ -25,7 +25,6 @@ NODE_WEIGHT = np.array([5.0, 8.0, 5.0]) / 18.0
 class Pieces(NamedTuple):
     """M arcs out of chains, as columns."""
 
-    points: np.ndarray      # (4, E) float32, x, y and gradients of the edge points
     runs: np.ndarray        # (M, 2) int64, first and last edge point
     fits: np.ndarray        # (M, FIT_SIZE) float64
     # (2 M, 4) float64: x, y and outward unit tangent, at start and end of each piece in turn
@@ -79,6 +78,6 @@ def describe(points: np.ndarray, runs: np.ndarray, fits: np.ndarray,
              memory: PieceMemory) -> Pieces:
     """Describe the arcs that :func:`extraction.extract` found for joining."""
     m = len(runs)
-    pieces = Pieces(points, runs, fits, memory.ends[:2 * m], memory.nodes[:m], memory.sums[:m])
+    pieces = Pieces(runs, fits, memory.ends[:2 * m], memory.nodes[:m], memory.sums[:m])
     _shapes(points, runs, fits, pieces.ends, pieces.nodes, pieces.sums)
     return pieces
