@@ -53,7 +53,7 @@ def warm_up(cache: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
 
 
 def kernels(cache: Path) -> list[Path]:
-    return sorted(cache.rglob('*.kernel'))
+    return sorted(path for path in cache.rglob('*.kernel') if path.name != 'old.kernel')
 
 
 @contextmanager
@@ -99,7 +99,7 @@ def test_old_caches_are_removed(cache: Path) -> None:
 
 def test_use_of_a_cache_is_noted(cache: Path) -> None:
     """Else a version in use would be removed after a while."""
-    folder, = {path.parent for path in kernels(cache) if path.name != 'old.kernel'}
+    folder, = {path.parent for path in kernels(cache)}
     os.utime(folder, (0, 0))
     warm_up(cache, '--check')
     assert time.time() - folder.stat().st_mtime < 3600
@@ -109,7 +109,7 @@ def test_a_check_of_a_complete_cache(cache: Path) -> None:
     before = kernels(cache)
     said = warm_up(cache, '--check')
     assert (said.returncode, said.stderr) == (0, '')
-    assert str(before[-1].parent) in said.stdout or str(before[0].parent) in said.stdout
+    assert str(before[0].parent) in said.stdout
     assert kernels(cache) == before
 
 

@@ -24,6 +24,9 @@ INSTRUCTIONS = ('vendor_id', 'cpu family', 'model', 'flags', 'CPU implementer', 
 # Bits of flags of numpy.ndarray (numpy/ndarraytypes.h).
 C_ORDER, FORTRAN_ORDER, WRITEABLE = 0x1, 0x2, 0x400
 
+# Scalars of numpy that numba takes for those of Python.
+SAME: dict[type, type] = {np.float64: float, np.int64: int, np.bool_: bool}
+
 # Compilation by one thread at a time: numba has a lock of its own, but not for its import.
 _compiling = RLock()
 
@@ -129,7 +132,7 @@ def type_of(value: Any) -> Hashable:
         return value.dtype, value.ndim, order, flags & WRITEABLE
     if isinstance(value, tuple):
         return kind, *map(type_of, value)
-    return kind
+    return SAME.get(kind, kind)
 
 
 @cache

@@ -36,7 +36,8 @@ def test_what_needs_other_code_has_another_type() -> None:
 
 
 @pytest.mark.parametrize('a, b', [
-    (1, -2 ** 40), (SQUARE, np.ones((9, 7))), (SQUARE[:, ::2], np.ones((9, 7))[::3, ::3]),
+    (1, -2 ** 40), (1, np.int64(1)), (1.0, np.float64(1)), (True, np.bool_(True)),
+    (SQUARE, np.ones((9, 7))), (SQUARE[:, ::2], np.ones((9, 7))[::3, ::3]),
     (Pair(1, SQUARE), Pair(2, np.ones((1, 1))))])
 def test_values_and_sizes_do_not_matter(a: object, b: object) -> None:
     assert type_of(a) == type_of(b)
