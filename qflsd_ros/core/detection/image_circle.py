@@ -81,7 +81,7 @@ class ImageCircle(NamedTuple):
         """
         x, y = round(self.x), round(self.y)
         moved = math.hypot(x - self.x, y - self.y)
-        return Disc(x, y, math.floor(self.radius - self.margin - moved))
+        return Disc(float(x), float(y), float(math.floor(self.radius - self.margin - moved)))
 
     def scaled(self, factor: int) -> ImageCircle:
         """Return the circle in an image of which this one is the means of factor^2 pixels."""

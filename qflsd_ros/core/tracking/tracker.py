@@ -60,8 +60,9 @@ class Tracker:
 
     def warm_up(self) -> None:
         """Compile all kernels, the detector's too, or load compiled ones from disk."""
-        tracker = Tracker()
-        for _ in range(2):
+        # Images that are searched, the first one and a later one, and one between two searches.
+        tracker = Tracker(Parameters(detect_every=2))
+        for _ in range(3):
             tracker.track(example()).vertices()
 
     def track(self, gray: np.ndarray, mask: np.ndarray | None = None,
