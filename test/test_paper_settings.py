@@ -60,6 +60,6 @@ def test_it_leaves_out_just_what_has_no_effect(field: dataclasses.Field,
                                                gray: np.ndarray) -> None:
     """Whatever value a parameter has that is not in the file, the result is the same."""
     wanted = Detector(Parameters(**GIVEN)).detect(gray)
-    for value in (field.metadata['low'], field.metadata['high']):
+    for value in field.metadata['choices'] or (field.metadata['low'], field.metadata['high']):
         found = Detector(Parameters(**GIVEN, **{field.name: value})).detect(gray)
         assert np.array_equal(found.table, wanted.table)
