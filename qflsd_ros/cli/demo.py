@@ -206,7 +206,7 @@ def main(args: list[str] | None = None) -> int:
     try:
         prepare_environment()
         print(f'Starting camera and detector, ROS_DOMAIN_ID={os.environ["ROS_DOMAIN_ID"]} '
-              '(the very first start compiles for about half a minute) ...', flush=True)
+              '(the very first start compiles for about a minute) ...', flush=True)
         run(arguments, check)
     except (DemoError, ProcessError) as error:
         print(f'demo: {error}', file=sys.stderr)

@@ -55,7 +55,7 @@ def _check() -> int:
 
 def _compile() -> int:
     begin = time.monotonic()
-    print(f'loading or compiling kernels in {_place()}; compiling takes about half a minute',
+    print(f'loading or compiling kernels in {_place()}; compiling takes about a minute',
           flush=True)
     if compilation.STORE.folder is None:    # it has logged why
         print('warm_up: compiled kernels cannot be kept: nothing is compiled', file=sys.stderr)

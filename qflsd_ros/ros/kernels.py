@@ -13,7 +13,7 @@ from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
 
 COMPILING = 'compiling kernels'     # begins the text on the progress
-POLL_PERIOD, LOG_PERIOD = 1.0, 5.0  # s; about six lines in a compilation of half a minute
+POLL_PERIOD, LOG_PERIOD = 1.0, 5.0  # s; about twelve lines in a compilation of a minute
 
 
 class Kernels:
@@ -78,5 +78,5 @@ class Kernels:
         if text := self.compiling:
             folder = compilation.STORE.folder
             kept = f'kept in {folder}' if folder else 'not kept'
-            self._node.get_logger().info(f'{text} ({kept}; takes about half a minute in all)',
+            self._node.get_logger().info(f'{text} ({kept}; takes about a minute in all)',
                                          throttle_duration_sec=LOG_PERIOD)

@@ -93,14 +93,26 @@ class Kernel:
         """Load or compile a version."""
         if not (self.is_kept and machine_code.is_supported()):
             return self._compiler.function_for(arguments)
-        content = self.read(types, SUFFIX)
-        if content is not None:
-            return machine_code.load(content, self.py_func.__name__)
+        if loaded := self._loaded(types):
+            return loaded
         version = self._compiler.function_for(arguments)
         self.compiled += 1
         if content := self._compiler.object_file(arguments):
             self.write(types, SUFFIX, content)
         return version
+
+    def _loaded(self, types: Hashable) -> Callable[..., Any] | None:
+        """Return the version that was kept; None if there is none, or it cannot be loaded."""
+        content = self.read(types, SUFFIX)
+        if content is None:
+            return None
+        try:
+            return machine_code.load(content, self.py_func.__name__)
+        except ValueError as error:
+            if self._store.is_final:
+                raise NotKeptError(f'{self.module}.{self.py_func.__name__}') from error
+            self._store.warn_unusable(error)
+            return None
 
     def read(self, types: Hashable, suffix: str) -> bytes | None:
         """

@@ -105,7 +105,7 @@ def _name(content: bytes, strings: np.void, offset: int) -> bytes:
 
 def _is_loaded(section: np.void) -> bool:
     """Return whether a section is code or constants; tables for unwinding are not needed."""
-    return section['type'] == PROGBITS and bool(section['flags'] & ALLOCATED)
+    return section['type'] == PROGBITS and bool(int(section['flags']) & ALLOCATED)
 
 
 def _places(sections: np.ndarray) -> tuple[np.ndarray, int]:

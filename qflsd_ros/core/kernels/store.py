@@ -129,6 +129,12 @@ class Store:
             shutil.rmtree(path, ignore_errors=True)
         return [path for path in others if not path.exists()]
 
+    def warn_unusable(self, error: ValueError) -> None:
+        """Say that what was kept cannot be loaded, as of an unknown version of numba."""
+        self._warn('unusable', 'compiled code cannot be loaded (%s): every start compiles anew, '
+                   'for about a minute. It was written by a version of numba with which this '
+                   'package was not tested: install another one.', error)
+
     @staticmethod
     def _content(path: Path) -> bytes:
         private_folder.check(path)
@@ -148,7 +154,7 @@ class Store:
 
     def _warn_unkept(self, place: object, error: OSError) -> None:
         self._warn('unkept', 'compiled code cannot be kept in %s (%s): every start compiles anew, '
-                   'for about half a minute. Set NUMBA_CACHE_DIR to a folder that you, and only '
+                   'for about a minute. Set NUMBA_CACHE_DIR to a folder that you, and only '
                    'you, can write to.', place, error.strerror)
 
     def _warn(self, kind: str, text: str, *values: object) -> None:

@@ -8,6 +8,7 @@ import sys
 
 import pytest
 from qflsd_ros.core.kernels import machine_code
+from qflsd_ros.core.kernels.store import DIGEST, DIGEST_SIZE
 
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(
     not machine_code.is_supported(), reason='numba loads the kernels of this processor')]
@@ -107,14 +108,21 @@ for wrong in ((), (1,), (1, 2, 3), (1, 2 ** 70)):
 
 
 def test_an_object_file_with_other_relocations(cache: Path, compiled: str) -> None:
-    """As of another version of LLVM: it is refused, not run."""
+    """As of another version of LLVM: it is refused, not run, and the kernel compiled anew."""
     path, = cache.rglob('divide-*.kernel')
     content = bytearray(path.read_bytes())
-    [place] = [content.index(machine_code.ADDRESS.to_bytes(4, 'little'), start)
-               for start in [_relocations(content)]]
+    place = content.index(machine_code.ADDRESS.to_bytes(4, 'little'), _relocations(content))
     content[place] = 2
     with pytest.raises(ValueError, match='relocations'):
         machine_code.load(bytes(content), 'divide')
+    path.write_bytes(content[:-DIGEST_SIZE] + DIGEST(content[:-DIGEST_SIZE]).digest())
+    said = run(cache, """
+import logging
+logging.basicConfig(format='%(message)s', stream=sys.stdout)
+print(divide(7, 2), "numba" in sys.modules)
+""")
+    assert 'cannot be loaded (divide: the object file has other relocations' in said
+    assert said.endswith('3 True\n')
 
 
 def _relocations(content: bytes) -> int:
