@@ -75,7 +75,7 @@ class ImageCircle(NamedTuple):
     @property
     def clear(self) -> Disc:
         """
-        The disc in which the image shows the scene alone.
+        Return the disc in which the image shows the scene alone.
 
         Its figures are whole px, so that the rim of one camera has the same disc in most images.
         """

@@ -55,7 +55,7 @@ class Tracker:
 
     @property
     def circle(self) -> ImageCircle | None:
-        """The image circle of the last frame; None where none was found or looked for."""
+        """Return the image circle of the last frame; None where none was found or looked for."""
         return self._detector.circle
 
     def warm_up(self) -> None:

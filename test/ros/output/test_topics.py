@@ -11,7 +11,7 @@ from qflsd_ros.overlay import NO_TAILS
 from qflsd_ros.ros.input.subscriptions import calibration_topic
 from qflsd_ros.ros.output import clouds
 from qflsd_ros.ros.output.topics import (
-    attitude, calibration, distortion, Output, OUTPUTS, Result, straightness, tracked)
+    attitude, calibration, distortion, Output, OUTPUTS, Result, tracked, with_straightness)
 from qflsd_ros.ros.parameters.node_parameters import Settings
 from qflsd_ros.sources.frames import FrameError
 from rclpy.serialization import deserialize_message
@@ -60,9 +60,9 @@ def test_an_output_fails_only_without_what_it_needs(output: Output) -> None:
 
 
 def test_straightness_is_computed_once_for_all_outputs() -> None:
-    assert straightness(RESULT) is straightness(RESULT)
+    assert with_straightness(RESULT) is with_straightness(RESULT)
     rows = {output.topic: clouds.records(output.message(RESULT)) for output in OUTPUTS
-            if straightness in output.needs}
+            if with_straightness in output.needs}
     shown = np.flatnonzero(~(rows['~/arcs']['straight'] < 0.5))
     assert 0 < len(shown) and np.unique(rows['~/rectified']['segment']).tolist() == shown.tolist()
 
