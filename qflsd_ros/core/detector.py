@@ -177,7 +177,8 @@ class Detector:
         Compute the gradients, and the thresholds for them (Step 1).
 
         Noise and thresholds are those of all the region, also outside of its image circle, so that
-        the circle changes no arc inside.
+        the circle changes no arc inside but those that were joined to arcs at the rim, or
+        suppressed by them.
         """
         memory, parameters = self._memory, self.parameters
         blur_sigma = noise.blur(parameters.blur_sigma, grain)
